@@ -14,12 +14,14 @@ second. Drums have their nominal radius, and the friction at the vehicle's speed
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.analysis.remarks import remarks
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
@@ -27,6 +29,7 @@ from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPrelo
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, rigid_plant
+from dualwinch.model.quantities.figures import FigureColumn, Figures, FigureTable, Sentence
 from dualwinch.model.quantities.tree import numbers
 from dualwinch.model.ropes import Rope, compliance, kelvin_voigt, rope_lengths, tangent_rope
 from dualwinch.model.scalar import absolute
@@ -297,6 +300,92 @@ class Preloads:
         best, scheduled = (result.metrics[self.measure] for result in (self.best, self.scheduled))
         return float((best - scheduled) / (best - getattr(self.optimum, self.measure)))
 
+    @cached_property
+    def remarks(self) -> list[str]:
+        """Remarks on the scheduled run."""
+        return list(remarks(self.scheduled))
+
+    @property
+    def over_best(self) -> dict[str, float]:
+        """The measure of schedule and optimum over that of the best constant preload; empty if there is none."""
+        if self.best is None:
+            return {}
+        best, scheduled = (result.metrics[self.measure] for result in (self.best, self.scheduled))
+        return {"scheduled": scheduled / best, "optimum": getattr(self.optimum, self.measure) / best}
+
+    @cached_property
+    def figures(self) -> Figures:
+        """A row for every preload, the saving of the schedule, and what the coordinations are."""
+        record, merits = self.to_record(), self.scheduled.metrics.quantities
+        columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
+        columns += [merits[name].column(name) for name in PRINTED]
+        rows = []
+        for name in (*self.runs, "optimum"):
+            run = record[name.replace(" ", "_")]
+            outcome = run.get("outcome", "completed")
+            ending = "" if outcome == "completed" else f" ({outcome})"
+            extremes = "–".join(dict.fromkeys(f"{end:.0f}" for end in run["preload_extremes"]))
+            rows.append([name + ending, extremes, *(run["metrics"].get(metric, np.nan) for metric in PRINTED)])
+        figures: list[FigureTable | Sentence] = [FigureTable("preloads", columns, rows)]
+        if self.configured is not None:
+            figures.append(Sentence(self._coordinations))
+        if self.best is None:
+            words = "No constant preload has an error as small as the schedule's and keeps both ropes as taut."
+            return [*figures, Sentence(words)]
+        share = f"The schedule takes {self.over_best['scheduled']:.3g} of the {self.measure.replace('_', ' ')}"
+        saving = f"{100 * self.saved:.3g} % of the possible saving" if self.saved > 0 else "no saving"
+        words = (
+            " of the best constant preload that is as precise and keeps the ropes as taut; the optimum is "
+            f"{self.over_best['optimum']:.3g}: {saving}."
+        )
+        return [*figures, Sentence(words, share)]
+
+    @property
+    def _coordinations(self) -> str:
+        """Which coordination each run has, where that of the experiment is another one."""
+        kinds = {name: run.experiment.controller.coordination.kind for name, run in self.runs.items()}
+        configured, constant, scheduled = kinds["as configured"], kinds["constant"], kinds["scheduled"]
+        constants = "constant" if self.best is None else "constant and best constant"
+        share = "shares" if self.best is None else "share"
+        return (
+            f"as configured: {configured}, as `simulate` runs it; {constants} {share} the force by {constant}, "
+            f"scheduled by {scheduled}, each with the gains that it has in common with {configured}."
+        )
+
+    def to_record(self) -> dict[str, Any]:
+        """The preloads as plain data; curves with at most `CURVE_POINTS` points."""
+        record: dict[str, Any] = {}
+        for name, run in self.runs.items():
+            stride, preload = max(1, -(-len(run["t"]) // CURVE_POINTS)), run.experiment.controller.limits.preload
+            record[name.replace(" ", "_")] = {
+                "outcome": str(run.outcome),
+                "coordination": run.experiment.controller.coordination.kind,
+                "preload": preload,
+                "preload_extremes": _extremes(run["preload"]) if "preload" in run.columns else [preload] * 2,
+                "metrics": dict(run.metrics),
+                "curves": {key: run[key][::stride] for key in ("t", "F1", "F2", "e")},
+            }
+        optimum = self.optimum
+        record["optimum"] = {
+            "metrics": {
+                "continuous_load": optimum.continuous_load,
+                "peak_tension": optimum.peak_tension,
+                "min_tension": float(min(optimum.F1.min(), optimum.F2.min())),
+                "energy": optimum.energy,
+                "mse": float((optimum.e**2).mean()),
+            },
+            "preload_extremes": _extremes(optimum.preload),
+            "curves": {key: getattr(optimum, key) for key in ("t", "F1", "F2", "e")},
+        }
+        units = {"t": "s", "F1": "N", "F2": "N", "e": "m", "preload": "N", "preload_extremes": "N"}
+        units |= dict.fromkeys(("saved_share", "measure_over_best_constant"), "1")
+        return record | {
+            "measure": self.measure,
+            "saved_share": self.saved,
+            "measure_over_best_constant": self.over_best,
+            "units": units | {name: quantity.unit for name, quantity in self.scheduled.metrics.quantities.items()},
+        }
+
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
         """Plot the sum of both tensions, the smaller of them, and the error over time.
 
@@ -304,6 +393,18 @@ class Preloads:
             ax: axes for the three; default: a figure of its own.
         """
         return preloads_figure(self, ax=ax)
+
+
+PRINTED = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter", "mse")
+"""Figures of merit in tables."""
+
+CURVE_POINTS = 1000
+"""Most points over time of each run in a record."""
+
+
+def _extremes(preload: Floats) -> list[float]:
+    """Smallest and largest preload, the commanded sum of tensions, in N."""
+    return [float(preload.min()), float(preload.max())]
 
 
 PRELOAD_COLOURS = {"as configured": GOLD, "constant": GREY, "best constant": VERMILION, "scheduled": BLUE}

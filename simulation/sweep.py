@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.quantities.figures import FigureColumn, Figures, FigureTable
 from dualwinch.model.quantities.quantity import Quantity, suggestion, unknown
 from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
@@ -22,6 +23,7 @@ from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
 from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, law_label
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress, part
+from dualwinch.simulation.results.file_formats import FileContent
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import current, leaf_of, override
 
@@ -78,6 +80,65 @@ class Sweep(RunOutcomes):
             values=(*self.values[:axis], *self.values[axis + 1 :]),
         )
 
+    @property
+    def content(self) -> FileContent:
+        """Content of a data file: a row per run, with the values of the keys, outcome, end and figures of merit."""
+        points = list(product(*self.values))
+        columns: dict[str, tuple[NDArray[Any], Quantity]] = {
+            key: (_column([point[axis] for point in points]), self.quantities[key])
+            for axis, key in enumerate(self.keys)
+        }
+        columns |= {
+            "outcome": (self.outcomes.ravel(), Quantity("", "how the run ended")),
+            "end_time": (self.end_times.ravel(), Quantity("s", "time at which the run ended")),
+        }
+        merits = self.merits
+        columns |= {name: (values.ravel(), merits[name]) for name, values in self.metrics.items()}
+        return FileContent.of(columns, {"swept": ", ".join(self.keys), "experiment": leaves(self.experiment)})
+
+    def to_record(self) -> dict[str, Any]:
+        """The content as plain data: units, and a mapping for each run."""
+        content = self.content
+        points = [dict(zip(self.keys, point, strict=True)) for point in product(*self.values)]
+        runs = [row | at for row, at in zip(content.rows, points, strict=True)]
+        return {"keys": self.keys, "units": content.units, "runs": runs}
+
+    def figures(self, metrics: Sequence[str]) -> Figures:
+        """Figures of merit over one key in one table, over two keys in a table each.
+
+        Raises:
+            ConfigurationError: more than two keys.
+        """
+        if len(self.keys) > 2:
+            raise ConfigurationError("a table shows one or two keys; `at` removes one")
+        if len(self.keys) == 1:
+            columns = [FigureColumn(self.keys[0], "", _named(self.keys[0], self.quantities[self.keys[0]]))]
+            columns += [FigureColumn(metric, heading=_named(metric, self.merits[metric])) for metric in metrics]
+            rows = [
+                [in_short(value), *(self._cell(metric, (index,)) for metric in metrics)]
+                for index, value in enumerate(self.values[0])
+            ]
+            return [FigureTable("sweep", columns, rows)]
+        columns = [FigureColumn("", ""), *(FigureColumn(in_short(value)) for value in self.values[1])]
+        return [
+            FigureTable(
+                metric,
+                columns,
+                [
+                    [in_short(value), *(self._cell(metric, (row, column)) for column in range(self.shape[1]))]
+                    for row, value in enumerate(self.values[0])
+                ],
+                _named(metric, self.merits[metric]),
+                f" over {' (down) and '.join(self.keys)}",
+            )
+            for metric in metrics
+        ]
+
+    def _cell(self, metric: str, index: tuple[int, ...]) -> float | str:
+        """A figure of merit, or the outcome of a run that was not completed."""
+        outcome = str(self.outcomes[index])
+        return float(self.metrics[metric][index]) if outcome == "completed" else outcome.replace("_", " ")
+
     def __repr__(self) -> str:
         axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
         ends = ", ".join(f"{count} {word}" for word, count in sorted(self.outcome_counts.items()))
@@ -98,6 +159,22 @@ class Sweep(RunOutcomes):
             ConfigurationError: more than two keys (`at` removes one), or none.
         """
         return sweep_figure(self, metric, ax=ax)
+
+
+def _column(values: Sequence[Any]) -> NDArray[Any]:
+    """Values as a column; other values than numbers as text, without commas for CSV."""
+    if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+        return np.array(values)
+    return np.array([in_short(value).replace(",", "") for value in values])
+
+
+def in_short(value: Any) -> str:
+    """A value of a key as text, as in TOML, with six significant digits."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(in_short, value))}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 Floats = NDArray[np.float64]

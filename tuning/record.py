@@ -11,10 +11,10 @@ from dualwinch.analysis.idealisations import idealisations
 from dualwinch.analysis.remarks import in_full
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
+from dualwinch.model.quantities.figures import plain
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.results.file_formats import plain
 from dualwinch.tuning.problem import CERTIFICATE, CHECKS, TEST, TRAINING
 from dualwinch.tuning.result import (
     TuningResult,

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from dualwinch.cli.options import (
     WHOLE,
@@ -16,21 +15,13 @@ from dualwinch.cli.options import (
     note_other_machine,
     use_parts,
 )
-from dualwinch.cli.output import (
-    FigureColumn,
-    FigureTable,
-    check_file,
-    measured,
-    terminal,
-    version_notes,
-    write_figure,
-    write_json,
-)
+from dualwinch.cli.output import check_file, print_figures, version_notes, write_figure, write_json
 from dualwinch.cli.progress import ProgressLine
+from dualwinch.model.quantities.figures import Figures, Sentence, to_record
 
 if TYPE_CHECKING:
     from dualwinch.controllers.controller import Controller
-    from dualwinch.simulation.ensembles.comparison import Comparison, Interval
+    from dualwinch.simulation.ensembles.comparison import Comparison
 
 
 def compare(
@@ -63,6 +54,7 @@ def compare(
         dualwinch compare paper mine.toml --plugin my_law.py
         dualwinch compare paper best.toml calm.toml --scenarios 500 --seed 1 --out gains.json --plot gains.png
     """
+    from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run
 
@@ -81,9 +73,9 @@ def compare(
         result = run(contenders, population, scenarios, seed, workers=workers, progress=progress)
         progress(0.0, "finding infeasible scenarios")
         result.find_least_errors(progress)
-        facts = to_record(result)
-    print_comparison(result)
-    write_json(out, facts)
+        facts = result.to_record() | {"configuration": ensemble_to_toml(result.ensemble), **version_notes()}
+    print_figures(printed := figures(result))
+    write_json(out, facts | {"notes": to_record(printed)["notes"]})
     write_figure(plot, "comparison", result)
     if result.partial:
         raise where.interrupt
@@ -91,9 +83,6 @@ def compare(
 
 PAPER = "paper"
 """Name that stands for the paper's gains instead of a file."""
-
-METHOD = "percentile bootstrap, scenarios resampled in pairs"
-"""Method of the confidence intervals, in words."""
 
 
 def controllers(names: Sequence[str]) -> dict[str, Controller]:
@@ -131,114 +120,12 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
     return labels if len(set(labels.values())) == len(labels) else {name: name for name in names}
 
 
-def statistics_table(result: Comparison, shown: Mapping[str, str] | None = None) -> FigureTable:
-    """Statistics, scenarios with slack and outcomes, a row per file, whose name in the table may be another one."""
-    from dualwinch.simulation.ensembles.result import SUMMARY
-    from dualwinch.simulation.metrics.metrics import metric_quantities
-
-    merits = metric_quantities(result.ensemble.experiment.metrics)
-    statistics = SUMMARY | {f"mean_{name}": f"mean.{name}" for name in result.first.own}
-    words = {"p95": "95 %"}
-    columns = [FigureColumn("name", "")]
-    for name, statistic in statistics.items():
-        kind, _, metric = statistic.partition(".")
-        merit = merits[metric]
-        columns.append(FigureColumn.of_metric(name, merit, f"{merit.label}, {words.get(kind, kind)}", ".4g"))
-        if name == "mean_mse":
-            heading = f"{merit.label}, feasible scenarios"
-            columns.append(FigureColumn.of_metric("mean_mse_within_authority", merit, heading, ".4g"))
-    columns.append(FigureColumn("slack_scenarios", heading="scenarios with slack"))
-    outcomes = dict.fromkeys(word for contender in result.contenders.values() for word in contender.outcome_counts)
-    columns += [FigureColumn(word, heading=word.replace("_", " ")) for word in outcomes]
-    rows = []
-    for name, contender in result.contenders.items():
-        values = {
-            "name": (shown or {}).get(name, name),
-            "mean_mse_within_authority": result.mean_mse_within_authority(name),
-        }
-        values |= contender.summary() | dict.fromkeys(outcomes, 0) | contender.outcome_counts
-        rows.append([values[column.name] for column in columns])
-    return FigureTable("statistics", columns, rows)
-
-
-def to_record(result: Comparison) -> dict[str, Any]:
-    """The comparison as plain data."""
-    from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.ensembles.comparison import CONFIDENCE, RESAMPLES
-
-    first, bounds = next(iter(result.contenders)), result.least_errors
-    least, foreseeing = bounds.means
-    files = [
-        {
-            "name": name,
-            **contender.summary(),
-            "mean_mse_within_authority": result.mean_mse_within_authority(name),
-            "over_first": {} if name == first else {key: asdict(pair) for key, pair in result.paired(name).items()},
-            "controller": {key: value for key, value in leaves(contender.controller).items() if value is not None},
-        }
-        for name, contender in result.contenders.items()
-    ]
-    return {
-        "ensemble": result.ensemble.name,
-        "seed": result.seed,
-        "scenarios": len(result),
-        "scenarios_asked": result.asked,
-        "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
-        "beyond_authority": {
-            "scenarios": bounds.infeasible,
-            "without_bound": bounds.unknown,
-            "lower_bound_mean_mse": least,
-            "lower_bound_mean_mse_with_foresight": foreseeing,
-        },
-        "units": statistics_table(result).record()["units"] | {"lower_bound_mean_mse": "m^2", "over_first": "1"},
-        "files": files,
-        "configuration": ensemble_to_toml(result.ensemble),
-        **version_notes(),
-    }
-
-
-def print_comparison(result: Comparison) -> None:
-    """Print statistics and ratios."""
+def figures(result: Comparison) -> Figures:
+    """What the command prints: the comparison's figures with short names, and whose the paper's other numbers are."""
     from dualwinch.controllers.paper_controller import adapted
-    from dualwinch.simulation.batch.authority import infeasible_words
-    from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 
-    console = terminal()
-    console.print(f"{len(result)} scenarios of '{result.ensemble.name}', seed {result.seed}, the same for all")
-    if result.partial:
-        console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
     labels = short_names(list(result.contenders))
-    if PAPER in labels and (own := adapted(result.contenders[PAPER].controller)):
+    if PAPER in labels and (numbers := adapted(result.contenders[PAPER].controller)):
         first_file = next(words for name, words in labels.items() if name != PAPER)
-        console.print(f"{PAPER}: the paper's gains, with the {own} of {first_file}")
-    console.print(statistics_table(result, labels).render_down())
-    bounds = result.least_errors
-    if bounds.infeasible:
-        least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
-        console.print(
-            f"{infeasible_words(bounds.infeasible)}. Lower bound on the mean MSE of all: {least} mm² for a "
-            f"non-anticipating optimal controller, {foreseeing} mm² with full foresight.",
-            soft_wrap=True,
-        )
-    if bounds.unknown:
-        console.print(bounds.unknown_words, soft_wrap=True)
-    if any(set(contender.outcome_counts) != {"completed"} for contender in result.contenders.values()):
-        console.print("Statistics are those of the completed scenarios, ratios those of scenarios completed by both.")
-    first, *others = result.contenders
-    if not others:
-        return
-    console.print(f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:")
-    pairs = {name: result.paired(name) for name in others}
-    columns, rows = [FigureColumn("name", "")], [[labels[name]] for name in others]
-    for metric in pairs[others[0]]:
-        columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
-        columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="%"))
-        for row, found in zip(rows, pairs.values(), strict=True):
-            row += [_interval(found[metric].ratio_of_means), found[metric].better]
-    console.print(FigureTable("ratios", columns, rows).render_down())
-
-
-def _interval(interval: Interval) -> str:
-    estimate, low, high = (measured(value, ".3g") for value in asdict(interval).values())
-    return "–" if estimate == "–" else f"{estimate} ({low}–{high})"
+        return [Sentence(f"{PAPER}: the paper's gains, with the {numbers} of {first_file}"), *result.figures(labels)]
+    return result.figures(labels)

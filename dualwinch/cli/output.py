@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -18,10 +18,10 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
+from dualwinch.model.quantities.figures import FigureColumn, Figures, FigureTable, Sentence
+
 if TYPE_CHECKING:
     from dualwinch.analysis.idealisations import Idealisation
-    from dualwinch.model.quantities.quantity import Quantity
-    from dualwinch.simulation.metrics.metric import MetricQuantity
     from dualwinch.simulation.results.result import Result
 
 
@@ -33,65 +33,6 @@ def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
 def styled(style: str, words: str, *plain: str) -> Text:
     """Words in a style such as ``bold`` or ``red``, followed by plain ones."""
     return Text.assemble((words, style), *plain)
-
-
-def measured(value: float, form: str = ".4g") -> str:
-    """Format a figure of merit: NaN (nothing to measure) as a dash, infinity as ∞."""
-    return "–" if math.isnan(value) else f"{value:{form}}".replace("inf", "∞")
-
-
-@dataclass(frozen=True)
-class FigureColumn:
-    """One column of a table of figures.
-
-    Attributes:
-        name: of the figure, in files.
-        unit: of the value in files; "1": a pure number, "": words.
-        heading: on the terminal; default: the name.
-        factor: printed value over the file's, e.g. 1e3 for seconds printed in ms.
-        form: format of the printed number; empty: the column is in files alone.
-        words: value → text printed instead.
-        shown_unit: of the printed number, below the heading; empty: no unit is printed there.
-        meaning: of the figure.
-    """
-
-    name: str
-    unit: str = "1"
-    heading: str | None = None
-    factor: float = 1.0
-    form: str = ".4g"
-    words: Mapping[Any, str | Text] = field(default_factory=dict)
-    shown_unit: str = ""
-    meaning: str = ""
-
-    @classmethod
-    def of(cls, name: str, quantity: "Quantity", form: str = ".4g", heading: str | None = None) -> "FigureColumn":
-        """The column of a field, from its metadata, in its own unit."""
-        return cls(name, quantity.unit, heading, form=form, meaning=quantity.meaning)
-
-    @classmethod
-    def of_metric(cls, name: str, quantity: "MetricQuantity", heading: str = "", form: str = "") -> "FigureColumn":
-        """The column of a figure of merit, printed in its customary unit; heading and form default to its own."""
-        unit, factor, own_form = quantity.shown
-        words, unit_text = heading or quantity.label, unit or quantity.shown_unit
-        return cls(name, quantity.unit, words, factor, form or own_form, shown_unit=unit_text, meaning=quantity.meaning)
-
-    @property
-    def title(self) -> str:
-        """The heading on the terminal."""
-        return self.name if self.heading is None else self.heading
-
-    def shown(self, value: Any) -> str | Text:
-        """A value as text for the terminal."""
-        if value in self.words:
-            return self.words[value]
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        return measured(self.factor * value, self.form) if number else str(value)
-
-    def cell(self, value: Any) -> "str | Text | CellWords":
-        """A value as a cell of a table, in which words may break."""
-        number = self.shown(value)
-        return CellWords(number) if isinstance(number, str) and not self.unit else number
 
 
 HEADING_WIDTH = 10
@@ -147,74 +88,65 @@ def _filled(pieces: Sequence[str], width: int) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-@dataclass(frozen=True)
-class FigureTable:
-    """Figures that a command prints and writes to its file.
+def table_of_rows(figures: FigureTable) -> Table:
+    """A table of figures with a line per row; words are aligned left, numbers right."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    printed = [(index, column) for index, column in enumerate(figures.columns) if column.form]
+    for _, column in printed:
+        heading = column.title
+        if column.shown_unit:
+            heading = f"{fill(heading, HEADING_WIDTH, break_long_words=False)}\n{column.shown_unit}"
+        table.add_column(
+            heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit), overflow="fold"
+        )
+    for row in figures.rows:
+        table.add_row(*(_cell(column, row[index]) for index, column in printed))
+    return table
 
-    Attributes:
-        name: of the table, in files.
-        columns: of the table.
-        rows: a value for every column.
-        title: on the terminal.
+
+def _cell(column: FigureColumn, value: Any) -> "str | Text | CellWords":
+    """A value as a cell, in which words may break."""
+    text = column.shown(value)
+    if value in column.styles:
+        return styled(column.styles[value], text)
+    return text if column.unit else CellWords(text)
+
+
+def table_of_columns(figures: FigureTable) -> Table:
+    """A table of figures with a line per column: name, the value in each row, unit and meaning.
+
+    A first column of words becomes the heading.
     """
+    from dualwinch.model.quantities.tables import readable_unit
 
-    name: str
-    columns: Sequence[FigureColumn]
-    rows: Sequence[Sequence[Any]]
-    title: str | None = None
-
-    def render(self) -> Table:
-        """The table for the terminal; words are aligned left, numbers right."""
-        table = Table(title=self.title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        printed = [(index, column) for index, column in enumerate(self.columns) if column.form]
-        for _, column in printed:
-            heading = column.title
-            if column.shown_unit:
-                heading = f"{fill(heading, HEADING_WIDTH, break_long_words=False)}\n{column.shown_unit}"
-            table.add_column(
-                heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit), overflow="fold"
-            )
-        for row in self.rows:
-            table.add_row(*(column.cell(row[index]) for index, column in printed))
-        return table
-
-    def render_down(self) -> Table:
-        """The transposed table, a line per figure: name, the value in each row, unit and meaning.
-
-        A first column of words becomes the heading.
-        """
-        from dualwinch.model.quantities.tables import readable_unit
-
-        headed = not self.columns[0].unit
-        figures = list(zip(self.columns, zip(*self.rows, strict=True), strict=True))
-        table = Table(box=box.SIMPLE_HEAD if headed else None, show_header=headed, pad_edge=False)
-        table.add_column("", style="bold", no_wrap=True)
-        for row, heading in zip(self.rows, figures[0][1], strict=True):
-            words = fill(str(self.columns[0].shown(heading)), NAME_WIDTH, break_on_hyphens=False) if headed else ""
-            values = [column.shown(value) for column, value in zip(self.columns, row, strict=True)][headed:]
-            table.add_column(words, justify="right", min_width=max(map(len, values)), overflow="fold")
-        table.add_column("")
-        if not headed:
-            table.add_column("", style="dim")
-        for column, values in figures[headed:]:
-            unit = column.shown_unit or readable_unit(column.unit)
-            table.add_row(column.title, *map(column.shown, values), unit, *([] if headed else [column.meaning]))
-        return table
-
-    def record(self) -> dict[str, Any]:
-        """The table as plain data: units by name, and a mapping from name to value for every row."""
-        from dualwinch.simulation.results.file_formats import plain
-
-        names = [column.name for column in self.columns]
-        return {
-            "units": {column.name: column.unit for column in self.columns},
-            "rows": [plain(dict(zip(names, row, strict=True))) for row in self.rows],
-        }
+    headed = not figures.columns[0].unit
+    lines = list(zip(figures.columns, zip(*figures.rows, strict=True), strict=True))
+    table = Table(box=box.SIMPLE_HEAD if headed else None, show_header=headed, pad_edge=False)
+    table.add_column("", style="bold", no_wrap=True)
+    for row, heading in zip(figures.rows, lines[0][1], strict=True):
+        words = fill(figures.columns[0].shown(heading), NAME_WIDTH, break_on_hyphens=False) if headed else ""
+        values = [column.shown(value) for column, value in zip(figures.columns, row, strict=True)][headed:]
+        table.add_column(words, justify="right", min_width=max(map(len, values)), overflow="fold")
+    table.add_column("")
+    if not headed:
+        table.add_column("", style="dim")
+    for column, values in lines[headed:]:
+        unit = column.shown_unit or readable_unit(column.unit)
+        table.add_row(column.title, *map(column.shown, values), unit, *([] if headed else [column.meaning]))
+    return table
 
 
-def records(tables: Sequence[FigureTable]) -> dict[str, Any]:
-    """Name → table as plain data."""
-    return {table.name: table.record() for table in tables}
+def print_figures(figures: Figures) -> None:
+    """Print tables and sentences in their order."""
+    console = terminal()
+    for item in figures:
+        if isinstance(item, Sentence):
+            words = styled(item.style, item.beginning, item.words)
+            console.print(words, highlight=False, soft_wrap=not console.is_terminal)  # whole lines for other programs
+        elif item.layout != "file":
+            if item.title:
+                console.print(styled("bold", item.title, item.subtitle))
+            console.print(table_of_rows(item) if item.layout == "rows" else table_of_columns(item))
 
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -283,7 +215,7 @@ def if_interrupted(words: str) -> Iterator[None]:
 
 def json_text(facts: Mapping[str, Any]) -> str:
     """A mapping as JSON."""
-    from dualwinch.simulation.results.file_formats import plain
+    from dualwinch.model.quantities.figures import plain
 
     return json.dumps(plain(facts), indent=1, allow_nan=False) + "\n"
 
@@ -313,17 +245,15 @@ def print_result(result: "Result", typed: str = "", *, json: bool, loop: bool = 
     metrics, simplifications = result.metrics, idealisations(result.experiment)
     noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
     columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
-    table = FigureTable("metrics", columns, [list(dict(metrics).values())])
+    table = FigureTable("metrics", columns, [list(dict(metrics).values())], layout="columns")
     kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}, "remarks": noted}
+        facts |= {"metrics": dict(metrics), "units": table.to_record()["units"] | {"end_time": "s"}, "remarks": noted}
         print_json({**facts, "idealisations": [asdict(one) for one in simplifications], **further})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
-    console = terminal()
-    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
-    console.print(table.render_down())
+    print_figures([Sentence(f": {result.outcome} at {result.end_time:g} s{words}", kind), table])
     for words in noted:
         print_note(words)
     print_idealisations(simplifications)

@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from dualwinch.cli.options import ControllerOptions, Figure
-from dualwinch.cli.output import (
-    FigureColumn,
-    FigureTable,
-    check_file,
-    print_note,
-    styled,
-    terminal,
-    versions,
-    write_figure,
-    write_json,
-)
+from dualwinch.cli.output import check_file, print_figures, print_note, versions, write_figure, write_json
 from dualwinch.cli.progress import ProgressLine
+from dualwinch.model.quantities.figures import to_record
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from dualwinch.analysis.preload import Preloads
     from dualwinch.simulation.experiment import Experiment
 
 
@@ -57,6 +43,8 @@ def preload(
         dualwinch preload --case 4 --set reference.jerk_limit=0.1 --torque-rate 30 --error 0.002
     """
     from dualwinch.analysis.preload import preloads
+    from dualwinch.analysis.remarks import in_full
+    from dualwinch.config.experiment_file import to_toml
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 
     experiment = given.experiment(f"{COORDINATION}={ScheduledPreload.kind}")
@@ -70,9 +58,13 @@ def preload(
             configured=_as_configured(given, experiment),
             progress=progress,
         )
-    record = to_record(comparison, given.typed)
-    print_preloads(record, comparison)
-    write_json(out, record)
+    notes = [in_full(words, given.typed) for words in comparison.remarks]
+    print_figures(comparison.figures)
+    for words in notes:
+        print_note(words)
+    facts = {"remarks": notes, "notes": to_record(comparison.figures)["notes"]}
+    facts |= {"configuration": to_toml(comparison.scheduled.experiment), "versions": versions()}
+    write_json(out, comparison.to_record() | facts)
     write_figure(plot, "preloads", comparison)
 
 
@@ -94,103 +86,3 @@ def _as_configured(given: ControllerOptions, scheduled: Experiment) -> Experimen
     return experiment_from(
         given.case, given.config, None, [words for words in given.assignments if not words.strip().startswith(prefix)]
     )
-
-
-PRINTED = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter", "mse")
-"""Figures of merit that are printed."""
-
-FILE_POINTS = 1000
-"""Most points over time of each run in a file."""
-
-
-def print_preloads(record: dict[str, Any], found: Preloads) -> None:
-    """Print a row for every preload, the saving of the schedule, and remarks on its run."""
-    console, merits = terminal(), found.scheduled.metrics.quantities
-    columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
-    columns += [FigureColumn.of_metric(name, merits[name]) for name in PRINTED]
-    rows = []
-    for name in (*found.runs, "optimum"):
-        run = record[name.replace(" ", "_")]
-        outcome = run.get("outcome", "completed")
-        ended = "" if outcome == "completed" else f" ({outcome})"
-        extremes = "–".join(dict.fromkeys(f"{end:.0f}" for end in run["preload_extremes"]))
-        rows.append([name + ended, extremes, *(run["metrics"].get(metric, math.nan) for metric in PRINTED)])
-    console.print(FigureTable("preloads", columns, rows).render())
-    if found.configured is not None:
-        console.print(_coordinations(found), soft_wrap=True, highlight=False)
-    if found.best is None:
-        console.print("No constant preload has an error as small as the schedule's and keeps both ropes as taut.")
-    else:
-        over_best = record["measure_over_best_constant"]
-        share = f"The schedule takes {over_best['scheduled']:.3g} of the {found.measure.replace('_', ' ')}"
-        saved = f"{100 * found.saved:.3g} % of the possible saving" if found.saved > 0 else "no saving"
-        words = (
-            " of the best constant preload that is as precise and keeps the ropes as taut; the optimum is "
-            f"{over_best['optimum']:.3g}: {saved}."
-        )
-        console.print(styled("bold", share, words), soft_wrap=True)
-    for words in record["remarks"]:
-        print_note(words)
-
-
-def _coordinations(found: Preloads) -> str:
-    """Which coordination each run has, where that of the experiment is another one."""
-    kinds = {name: run.experiment.controller.coordination.kind for name, run in found.runs.items()}
-    configured, constant, scheduled = kinds["as configured"], kinds["constant"], kinds["scheduled"]
-    constants = "constant" if found.best is None else "constant and best constant"
-    share = "shares" if found.best is None else "share"
-    return (
-        f"as configured: {configured}, as `simulate` runs it; {constants} {share} the force by {constant}, scheduled "
-        f"by {scheduled}, each with the gains that it has in common with {configured}."
-    )
-
-
-def to_record(found: Preloads, typed: str) -> dict[str, Any]:
-    """The preloads as plain data; commands in remarks have the options `typed`."""
-    from dualwinch.analysis.remarks import in_full, remarks
-    from dualwinch.config.experiment_file import to_toml
-
-    report: dict[str, Any] = {}
-    for name, run in found.runs.items():
-        stride, preload = max(1, -(-len(run["t"]) // FILE_POINTS)), run.experiment.controller.limits.preload
-        report[name.replace(" ", "_")] = {
-            "outcome": str(run.outcome),
-            "coordination": run.experiment.controller.coordination.kind,
-            "preload": preload,
-            "preload_extremes": _extremes(run["preload"]) if "preload" in run.columns else [preload] * 2,
-            "metrics": dict(run.metrics),
-            "curves": {key: run[key][::stride] for key in ("t", "F1", "F2", "e")},
-        }
-    optimum = found.optimum
-    report["optimum"] = {
-        "metrics": {
-            "continuous_load": optimum.continuous_load,
-            "peak_tension": optimum.peak_tension,
-            "min_tension": float(min(optimum.F1.min(), optimum.F2.min())),
-            "energy": optimum.energy,
-            "mse": float((optimum.e**2).mean()),
-        },
-        "preload_extremes": _extremes(optimum.preload),
-        "curves": {key: getattr(optimum, key) for key in ("t", "F1", "F2", "e")},
-    }
-    over_best = {}
-    if found.best is not None:
-        best = found.best.metrics[found.measure]
-        scheduled, bound = found.scheduled.metrics[found.measure], getattr(optimum, found.measure)
-        over_best = {"scheduled": scheduled / best, "optimum": bound / best}
-    units = {"t": "s", "F1": "N", "F2": "N", "e": "m", "preload": "N", "preload_extremes": "N"}
-    units |= dict.fromkeys(("saved_share", "measure_over_best_constant"), "1")
-    return report | {
-        "measure": found.measure,
-        "saved_share": found.saved,
-        "measure_over_best_constant": over_best,
-        "remarks": [in_full(words, typed) for words in remarks(found.scheduled)],
-        "units": units | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
-        "configuration": to_toml(found.scheduled.experiment),
-        "versions": versions(),
-    }
-
-
-def _extremes(preload: NDArray[np.float64]) -> list[float]:
-    """Smallest and largest preload, the commanded sum of tensions, in N."""
-    return [float(preload.min()), float(preload.max())]

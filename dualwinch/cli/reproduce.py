@@ -8,11 +8,10 @@ from itertools import count, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
-from dualwinch.cli.output import FigureColumn, FigureTable, json_text, styled, terminal, version_notes, versions
+from dualwinch.cli.output import json_text, print_figures, styled, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import engine_here
+from dualwinch.model.quantities.figures import FigureColumn, FigureTable
 
 if TYPE_CHECKING:
     from dualwinch.reports.claims import Claim
@@ -119,9 +118,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         _write_metrics(out / "metrics.json", runs, variants, observers, results)
         write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), results)
     console = terminal()
-    for table in tables(runs, variants):
-        console.print(table.render())
-    print_claims(console, results)
+    print_figures([*tables(runs, variants), claims_table(results)])
     console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
 
 
@@ -202,7 +199,7 @@ def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[
 
     merits = metric_quantities()
     columns = [FigureColumn("case"), FigureColumn("controller", "")]
-    columns += [FigureColumn.of_metric(name, merits[name]) for name in names]
+    columns += [merits[name].column(name) for name in names]
     rows = []
     for (number, controller), result in runs.items():
         ended = "" if result.outcome == "completed" else f" ({result.outcome})"
@@ -240,18 +237,18 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
     return tables
 
 
-def print_claims(console: Console, found: list[Claim]) -> None:
-    """Print the paper's claims with the verdicts of these runs."""
+def claims_table(claims: list[Claim]) -> FigureTable:
+    """The paper's claims with the verdicts of these runs."""
     colours = {"holds": "green", "partly": "yellow", "does not hold": "red"}
-    verdicts = {verdict: styled(colour, verdict) for verdict, colour in colours.items()}
     columns = (
         FigureColumn("words", "", "the paper says"),
         FigureColumn("here", "", "these runs say"),
-        FigureColumn("verdict", "", "", words=verdicts),
+        FigureColumn("verdict", "", "", styles=colours),
     )
-    rows = [(claim.words, claim.here, claim.verdict) for claim in found]
-    if rows:
-        console.print(FigureTable("claims", columns, rows, "The paper, claim by claim").render())
+    rows = [(claim.words, claim.here, claim.verdict) for claim in claims]
+    return FigureTable(
+        "claims", columns, rows, "The paper, claim by claim" if rows else "", layout="rows" if rows else "file"
+    )
 
 
 PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"

@@ -20,20 +20,19 @@ from dualwinch.cli.options import (
     note_other_ensemble,
 )
 from dualwinch.cli.output import (
-    FigureColumn,
-    FigureTable,
     check_file,
+    print_figures,
     print_idealisations,
     print_json,
     print_note,
     print_result,
-    styled,
     terminal,
     version_notes,
     write_figure,
     wrote,
 )
 from dualwinch.cli.progress import ProgressLine
+from dualwinch.model.quantities.figures import FigureColumn, FigureTable, Sentence
 
 if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -238,7 +237,8 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
     columns = [FigureColumn.of(*metric) for metric in metric_quantities(experiment.metrics).items()]
     kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
     rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
-    table = FigureTable("statistics", [FigureColumn("statistic", "", words=kinds), *columns], rows)
+    columns = [FigureColumn("statistic", "", words=kinds), *columns]
+    table = FigureTable("statistics", columns, rows, layout="columns")
     completed = result.outcome_counts.get("completed", 0)
     remarks = ensemble_remarks(experiment, statistics, completed=completed == len(result))
     noted = [in_full(words, typed) for words in remarks]
@@ -246,18 +246,18 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
         facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
         facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
         facts |= {"remarks": noted, "idealisations": [asdict(one) for one in simplifications]}
-        print_json({**facts, "units": table.record()["units"], "statistics": statistics})
+        print_json({**facts, "units": table.to_record()["units"], "statistics": statistics})
         return
-    console = terminal()
     counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
-    console.print(
-        styled("bold", experiment.controller.law.kind, f" in '{result.ensemble.name}', seed {result.seed}: {counts}")
-    )
+    population = f" in '{result.ensemble.name}', seed {result.seed}: {counts}"
+    figures: list[FigureTable | Sentence] = [Sentence(population, experiment.controller.law.kind)]
     if result.partial:
-        console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept")
-    console.print(table.render_down())
+        figures.append(Sentence(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept"))
+    figures.append(table)
     if completed < len(result):
-        console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
+        words = f"Statistics are those of the {completed} of {len(result)} scenarios that were completed."
+        figures.append(Sentence(words))
+    print_figures(figures)
     for words in noted:
         print_note(words)
     print_idealisations(simplifications)

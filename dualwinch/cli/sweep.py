@@ -7,31 +7,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.cli.options import CheckpointingWorkerOptions, ControllerOptions, Figure, Json
 from dualwinch.cli.output import (
-    FigureColumn,
-    FigureTable,
     check_file,
     numbers_between,
+    print_figures,
     print_json,
-    styled,
-    terminal,
+    version_notes,
     write_figure,
     wrote,
 )
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from dualwinch.model.quantities.quantity import Quantity
     from dualwinch.simulation.experiment import Experiment
-    from dualwinch.simulation.results.file_formats import FileContent
-    from dualwinch.simulation.sweep import Sweep
 
 
 def sweep(
@@ -70,11 +62,11 @@ def sweep(
     with ProgressLine("simulating", command="sweep", patient=True) as progress, where.workers(progress) as workers:
         grid = sweep(base, axes, workers=workers, progress=progress)
     if json:
-        print_json(to_record(grid))
+        print_json(grid.to_record() | version_notes())
     else:
-        print_sweep(grid, metrics)
+        print_figures(grid.figures(metrics))
     if out:
-        FORMATS[out.suffix.lower()].write(content_of(grid), out)
+        FORMATS[out.suffix.lower()].write(grid.content, out)
         wrote(out)
     write_figure(plot, lambda: grid.plot(metrics[0]))
     if grid.interrupted:
@@ -145,84 +137,3 @@ def _values(key: str, text: str) -> list[Any]:
         wrong = f"{key}={text}: must be first:last:step or first:last:count:log, e.g. {key}=1:9:2"
         return [*numbers_between(text, wrong)]
     return [parse_assignment(f"{key}={word}")[1] for word in text.split(",")]
-
-
-def content_of(found: Sweep) -> FileContent:
-    """Content of the data file: a row per run, with the values of the keys, outcome, end and figures of merit."""
-    from dualwinch.model.quantities.quantity import Quantity
-    from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.results.file_formats import FileContent
-
-    points = list(product(*found.values))
-    columns: dict[str, tuple[np.ndarray, Quantity]] = {
-        key: (_column([point[axis] for point in points]), found.quantities[key]) for axis, key in enumerate(found.keys)
-    }
-    columns |= {
-        "outcome": (found.outcomes.ravel(), Quantity("", "how the run ended")),
-        "end_time": (found.end_times.ravel(), Quantity("s", "time at which the run ended")),
-    }
-    merits = found.merits
-    columns |= {name: (values.ravel(), merits[name]) for name, values in found.metrics.items()}
-    return FileContent.of(columns, {"swept": ", ".join(found.keys), "experiment": leaves(found.experiment)})
-
-
-def _column(values: Sequence[Any]) -> np.ndarray:
-    """Values as a column; other values than numbers as text, without commas for CSV."""
-    import numpy as np
-
-    if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
-        return np.array(values)
-    return np.array([shown(value).replace(",", "") for value in values])
-
-
-def to_record(found: Sweep) -> dict[str, Any]:
-    """The content as plain data: units, and a mapping for each run."""
-    content = content_of(found)
-    points = [dict(zip(found.keys, point, strict=True)) for point in product(*found.values)]
-    runs = [row | at for row, at in zip(content.rows, points, strict=True)]
-    return {"keys": found.keys, "units": content.units, "runs": runs}
-
-
-def print_sweep(found: Sweep, metrics: Sequence[str]) -> None:
-    """Print one table of figures of merit over one key, or one for each over two keys."""
-    console = terminal()
-    if len(found.keys) == 1:
-        columns = [FigureColumn(found.keys[0], "", _named(found.keys[0], found.quantities[found.keys[0]]))]
-        columns += [FigureColumn(metric, heading=_named(metric, found.merits[metric])) for metric in metrics]
-        rows = [
-            [shown(value), *(_cell(found, metric, (index,)) for metric in metrics)]
-            for index, value in enumerate(found.values[0])
-        ]
-        console.print(FigureTable("sweep", columns, rows).render())
-        return
-    for metric in metrics:
-        over = f" over {' (down) and '.join(found.keys)}"
-        console.print(styled("bold", _named(metric, found.merits[metric]), over))
-        columns = [FigureColumn("", ""), *(FigureColumn(shown(value)) for value in found.values[1])]
-        rows = [
-            [shown(value), *(_cell(found, metric, (row, column)) for column in range(found.shape[1]))]
-            for row, value in enumerate(found.values[0])
-        ]
-        console.print(FigureTable(metric, columns, rows).render())
-
-
-def _cell(found: Sweep, metric: str, index: tuple[int, ...]) -> float | str:
-    """A figure of merit, or the outcome of a run that was not completed."""
-    outcome = str(found.outcomes[index])
-    return float(found.metrics[metric][index]) if outcome == "completed" else outcome.replace("_", " ")
-
-
-def shown(value: Any) -> str:
-    """A value of a key as text, as in TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(shown, value))}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _named(words: str, quantity: Quantity) -> str:
-    from dualwinch.model.quantities.tables import readable_unit
-
-    unit = readable_unit(quantity.unit)
-    return f"{words} ({unit})" if unit else words

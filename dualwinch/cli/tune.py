@@ -31,9 +31,8 @@ from dualwinch.cli.options import (
     use_parts,
 )
 from dualwinch.cli.output import (
-    FigureColumn,
-    FigureTable,
     if_interrupted,
+    print_figures,
     print_idealisations,
     print_note,
     styled,
@@ -42,6 +41,7 @@ from dualwinch.cli.output import (
 )
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.extensions import COMMANDS, FUNCTIONS, extension
+from dualwinch.model.quantities.figures import FigureColumn, FigureTable
 
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
@@ -337,7 +337,7 @@ def write(tuned: TuningResult, options: StudyOptions, plugins: Sequence[str] = (
 
 def compared(tuned: TuningResult) -> dict[str, Any]:
     """Printed comparisons of the best with the paper's gains and the start; pure numbers."""
-    from dualwinch.simulation.results.file_formats import plain
+    from dualwinch.model.quantities.figures import plain
 
     verdict, names = tuned.verdict, list(tuned.verdict.scored.statistics)
     others = [name for name in ("paper", "start") if name in verdict.scores]
@@ -405,7 +405,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
         print_note(in_full(words, typed))
     names, rows = result.statistics_table(tuned)
     columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
-    console.print(FigureTable("statistics", columns, rows).render())
+    print_figures([FigureTable("statistics", columns, rows)])
     for words in result.contenders(tuned):
         say(words)
     for constraint in verdict.constraints:

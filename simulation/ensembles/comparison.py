@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.authority import LeastErrors, least_errors
+from dualwinch.model.quantities.figures import FigureColumn, Figures, FigureTable, Sentence, measured
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.authority import LeastErrors, infeasible_words, least_errors
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
+from dualwinch.simulation.ensembles.result import SUMMARY, EnsembleResult, Statistic
 from dualwinch.simulation.ensembles.run import run_side_by_side
 from dualwinch.simulation.metrics.metrics import in_words, metric_quantities
 from dualwinch.simulation.plots.page import GivenAxes, new_page
@@ -44,6 +46,9 @@ Floats = NDArray[np.float64]
 CONFIDENCE = 0.95
 """Confidence level of intervals."""
 
+METHOD = "percentile bootstrap, scenarios resampled in pairs"
+"""Method of the intervals, in words."""
+
 RESAMPLES = 4000
 """Bootstrap samples per interval."""
 
@@ -61,6 +66,10 @@ class Interval:
     estimate: float
     low: float
     high: float
+
+    def __str__(self) -> str:
+        estimate, low, high = (measured(value, ".3g") for value in (self.estimate, self.low, self.high))
+        return "–" if estimate == "–" else f"{estimate} ({low}–{high})"
 
 
 @dataclass(frozen=True)
@@ -123,6 +132,100 @@ class Comparison:
                 words += f"; {self.paired(name)['mse'].ratio_of_means.estimate:.3g} times the MSE of {first}"
             lines.append(f"  {name}: {words}")
         return "\n".join(lines)
+
+    def statistics_table(self, labels: Mapping[str, str] | None = None) -> FigureTable:
+        """Statistics, scenarios with slack and outcomes, a row per controller, whose label may be another name."""
+        merits = metric_quantities(self.ensemble.experiment.metrics)
+        statistics = SUMMARY | {f"mean_{name}": f"mean.{name}" for name in self.first.own}
+        words = {"p95": "95 %"}
+        columns = [FigureColumn("name", "")]
+        for name, statistic in statistics.items():
+            kind, _, metric = statistic.partition(".")
+            merit = merits[metric]
+            columns.append(merit.column(name, f"{merit.label}, {words.get(kind, kind)}", ".4g"))
+            if name == "mean_mse":
+                heading = f"{merit.label}, feasible scenarios"
+                columns.append(merit.column("mean_mse_within_authority", heading, ".4g"))
+        columns.append(FigureColumn("slack_scenarios", heading="scenarios with slack"))
+        outcomes = dict.fromkeys(word for contender in self.contenders.values() for word in contender.outcome_counts)
+        columns += [FigureColumn(word, heading=word.replace("_", " ")) for word in outcomes]
+        rows = []
+        for name, contender in self.contenders.items():
+            values = {
+                "name": (labels or {}).get(name, name),
+                "mean_mse_within_authority": self.mean_mse_within_authority(name),
+            }
+            values |= contender.summary() | dict.fromkeys(outcomes, 0) | contender.outcome_counts
+            rows.append([values[column.name] for column in columns])
+        return FigureTable("statistics", columns, rows, layout="columns")
+
+    def figures(self, labels: Mapping[str, str]) -> Figures:
+        """Statistics, lower bounds on the error, and ratios to the first controller; `labels` are names in tables."""
+        figures: list[FigureTable | Sentence] = [
+            Sentence(f"{len(self)} scenarios of '{self.ensemble.name}', seed {self.seed}, the same for all")
+        ]
+        if self.partial:
+            words = f"interrupted: {len(self)} of {self.asked} scenarios were finished by all and are kept"
+            figures.append(Sentence(words))
+        figures.append(self.statistics_table(labels))
+        bounds = self.least_errors
+        if bounds.infeasible:
+            least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
+            words = (
+                f"{infeasible_words(bounds.infeasible)}. Lower bound on the mean MSE of all: {least} mm² for a "
+                f"non-anticipating optimal controller, {foreseeing} mm² with full foresight."
+            )
+            figures.append(Sentence(words))
+        if bounds.unknown:
+            figures.append(Sentence(bounds.unknown_words))
+        if any(set(contender.outcome_counts) != {"completed"} for contender in self.contenders.values()):
+            words = "Statistics are those of the completed scenarios, ratios those of scenarios completed by both."
+            figures.append(Sentence(words))
+        return [*figures, *self._ratios(labels)]
+
+    def _ratios(self, labels: Mapping[str, str]) -> Figures:
+        first, *others = self.contenders
+        if not others:
+            return []
+        pairs = {name: self.paired(name) for name in others}
+        columns, rows = [FigureColumn("name", "")], [[labels[name]] for name in others]
+        for metric in pairs[others[0]]:
+            columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
+            columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="%"))
+            for row, pair in zip(rows, pairs.values(), strict=True):
+                row += [str(pair[metric].ratio_of_means), pair[metric].better]
+        sentence = f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:"
+        return [Sentence(sentence), FigureTable("ratios", columns, rows, layout="columns")]
+
+    def to_record(self) -> dict[str, Any]:
+        """The comparison as plain data."""
+        first, bounds = next(iter(self.contenders)), self.least_errors
+        least, foreseeing = bounds.means
+        files = [
+            {
+                "name": name,
+                **contender.summary(),
+                "mean_mse_within_authority": self.mean_mse_within_authority(name),
+                "over_first": {} if name == first else {key: asdict(pair) for key, pair in self.paired(name).items()},
+                "controller": {key: value for key, value in leaves(contender.controller).items() if value is not None},
+            }
+            for name, contender in self.contenders.items()
+        ]
+        return {
+            "ensemble": self.ensemble.name,
+            "seed": self.seed,
+            "scenarios": len(self),
+            "scenarios_asked": self.asked,
+            "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": self.seed},
+            "beyond_authority": {
+                "scenarios": bounds.infeasible,
+                "without_bound": bounds.unknown,
+                "lower_bound_mean_mse": least,
+                "lower_bound_mean_mse_with_foresight": foreseeing,
+            },
+            "units": self.statistics_table().to_record()["units"] | {"lower_bound_mean_mse": "m^2", "over_first": "1"},
+            "files": files,
+        }
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
         """Plot distributions of error and chatter, and ratios of means.

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.files import write_whole
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.figures import plain
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import STATISTIC_KINDS, facts_of, statistic_from
 from dualwinch.simulation.ensembles.run import EnsemblePortion, check_counts, portions_of
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results.file_formats import plain
 
 Floats = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.figures import FigureColumn
 from dualwinch.model.quantities.part import Part, Registry
 from dualwinch.model.quantities.quantity import Quantity, is_array
 from dualwinch.model.quantities.steps import over_symbols
@@ -54,6 +55,12 @@ class MetricQuantity(Quantity):
     def axis(self) -> str:
         """Label of an axis: name and unit."""
         return f"{self.label} ({self.shown_unit})" if self.shown_unit else self.label
+
+    def column(self, name: str, heading: str = "", form: str = "") -> FigureColumn:
+        """The column of this figure of merit, printed in the display unit; heading and form default to its own."""
+        _, factor, own_form = self.shown
+        words, form = heading or self.label, form or own_form
+        return FigureColumn(name, self.unit, words, factor, form, shown_unit=self.shown_unit, meaning=self.meaning)
 
     def text(self, value: float) -> str:
         """A value for a table, in the display unit; a dash for NaN."""

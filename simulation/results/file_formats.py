@@ -18,6 +18,7 @@ from dualwinch.codegen.files import atomic, write_whole
 from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.figures import plain
 from dualwinch.model.quantities.quantity import Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.experiment import Experiment
@@ -63,19 +64,6 @@ class FileContent:
     def texts(self) -> dict[str, str]:
         """The facts as texts; those that are no texts, as JSON."""
         return {key: value if isinstance(value, str) else json.dumps(value) for key, value in self.facts.items()}
-
-
-def plain(value: Any) -> Any:
-    """A value in JSON types: NaN as null, infinite numbers as words, arrays as lists."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else ("INF" if value > 0 else "-INF")
-    return value
 
 
 def number(value: Any) -> float:

@@ -8,15 +8,16 @@ import pytest
 from rich.console import Console
 
 from dualwinch.cli import main
-from dualwinch.cli.compare import controllers, short_names, to_record
+from dualwinch.cli.compare import controllers, short_names
 from dualwinch.cli.options import ExperimentOptions, other_ensemble, other_machine, sizes_of_ensemble
-from dualwinch.cli.output import FigureColumn, FigureTable, json_text
+from dualwinch.cli.output import json_text, table_of_columns
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.figures import FigureColumn, FigureTable
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch import authority
 from dualwinch.simulation.ensembles.comparison import Comparison
@@ -96,7 +97,7 @@ def test_numbers_are_whole_on_a_narrow_terminal_however_long_names_are() -> None
     columns = [FigureColumn("name", ""), FigureColumn("mse", "m^2", form=".4g"), FigureColumn("peak", "N", form=".4g")]
     rows = [[f"a/long/way/to/the/file/number-{number}/of/gains.toml", 1.234e-9, 5999.0] for number in range(3)]
     file = StringIO()
-    Console(width=60, file=file).print(FigureTable("statistics", columns, rows).render_down())
+    Console(width=60, file=file).print(table_of_columns(FigureTable("statistics", columns, rows)))
     said = file.getvalue()
     assert said.count("1.234e-09") == said.count("5999") == 3
     assert "…" not in said
@@ -114,7 +115,7 @@ def test_only_the_controller_of_a_file_counts(calm: Path) -> None:
 def test_json_says_null_where_nothing_completed() -> None:
     sea, metrics = load_ensemble("sea"), {name: np.array([np.inf]) for name in BUILT_IN}
     lost = EnsembleResult(np.array(["diverged"]), np.array([1.0]), metrics, sea, 0, 1, draws={}, traces=None)
-    facts = json.loads(json_text(to_record(Comparison(sea, {"a": lost, "b": lost}))))
+    facts = json.loads(json_text(Comparison(sea, {"a": lost, "b": lost}).to_record()))
     assert facts["files"][0]["mean_mse"] is None
     assert facts["files"][1]["over_first"]["mse"]["ratio_of_means"]["low"] is None
 

@@ -9,8 +9,9 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.cli.sensitivities import per, values_of
+from dualwinch.cli.sensitivities import values_of
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.effects import per
 from dualwinch.simulation.batch.sensitivities import differentiable_numbers
 
 MASS, BIAS = "plant.vehicle.mass", "sensors.position_bias"

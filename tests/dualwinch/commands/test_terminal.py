@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from dualwinch.cli.app import main
-from dualwinch.cli.output import FigureColumn, FigureTable
+from dualwinch.cli.output import table_of_rows
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.paper_controller import paper_controller
+from dualwinch.model.quantities.figures import FigureColumn, FigureTable
 from dualwinch.plots import comparison, trajectory
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.paper import case
@@ -59,6 +60,6 @@ def test_names_in_figures_are_no_formulas_and_none_is_left_out() -> None:
 def test_names_in_tables_break_behind_dots_and_rather_not_behind_underscores(width: int, lines: str) -> None:
     rows = [["estimator.encoder_1.errors.estimate.0 (1)"], ["observer.e2_previous 97.5 %, x 2.5 %"]]
     file = StringIO()
-    Console(width=width + 2, file=file).print(FigureTable("modes", [FigureColumn("mode", "")], rows).render())
+    Console(width=width + 2, file=file).print(table_of_rows(FigureTable("modes", [FigureColumn("mode", "")], rows)))
     body = file.getvalue().rpartition("─")[2]
     assert [line.strip() for line in body.splitlines() if line.strip()] == lines.split("|")
