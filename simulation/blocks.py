@@ -34,7 +34,7 @@ from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
-from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, nothing_from_outside, starting_state
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, starting_state, zero_exogenous
 from dualwinch.simulation.loop.structure import solver_of, structure_of, symbolic_parts
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.rows import COLUMNS
@@ -196,7 +196,7 @@ def _swings(plant: Plant, preload: float) -> dict[str, float]:
 
 def _exogenous_facts(controller: Controller) -> Facts:
     """Quantities and ranges of the exogenous signals of the closed loop."""
-    calm = nothing_from_outside(controller)
+    calm = zero_exogenous(controller)
     found = _facts(describe_parts(calm))
     if times := controller.preview:
         for (name, _), time in zip(leaves(calm.ahead, "ahead.").items(), 3 * times, strict=True):

@@ -25,7 +25,6 @@ from dualwinch.model.plant import (
     DisturbanceInputs,
     Plant,
     Torques,
-    blank_state,
     holding_torques,
     resting_state,
     shaft_torques,
@@ -33,7 +32,7 @@ from dualwinch.model.plant import (
 )
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves, symbols, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute, minimum, quantise
 from dualwinch.simulation.experiment import Experiment
@@ -127,15 +126,15 @@ class Exogenous:
     ahead: Any = field(default_factory=NoState)
 
 
-def nothing_from_outside(controller: Controller) -> Exogenous:
-    """Exogenous signals of one sample under a controller, all zero; a template for names and structure."""
+def zero_exogenous(controller: Controller) -> Exogenous:
+    """Exogenous signals of one sample under a controller, all zero."""
     times, rest = controller.preview, Setpoint(0.0, 0.0, 0.0)
     return Exogenous(rest, ahead=no_departures(times)) if times else Exogenous(rest)
 
 
 def exogenous_names(controller: Controller) -> tuple[str, ...]:
     """Names of the exogenous signals of one sample under a controller."""
-    return tuple(leaves(nothing_from_outside(controller)))
+    return tuple(leaves(zero_exogenous(controller)))
 
 
 FORCE, DRIFT, SILENT, LATENESS = "force", "noise.drift", "noise.silent", "noise.lateness"
@@ -271,28 +270,28 @@ def closed_loop(
     a fourth input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
     ``returned``, of `sample`.
     """
-    silence, calm = silence_of(structure.sensors), nothing_from_outside(structure.controller)
+    silence, zero_signals = silence_of(structure.sensors), zero_exogenous(structure.controller)
     queued = _queue_names(structure.delay_samples)
     vectors = {
         "state": tuple(starting_state(structure)),
-        "exogenous": tuple(leaves(calm)),
+        "exogenous": tuple(leaves(zero_signals)),
         "parameters": tuple(structure.parameters),
     }
-    symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
+    vector_symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
     injected = {opening: ca.SX.sym(opening) for opening in openings}
     of_state, outside, values = (
-        dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
+        dict(zip(names, ca.vertsplit(vector_symbols[name]), strict=True)) for name, names in vectors.items()
     )
     outside |= {name: ca.SX(0) for name in zeros & outside.keys()}
     if openings:
-        symbols["injected"] = ca.vertcat(*injected.values())
+        vector_symbols["injected"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
     parts = symbolic_parts(structure, values)
     plant, sensors, actuator = parts.plant, parts.sensors, parts.actuator
     nominal = with_leaves(structure.nominal, values, "nominal.")
     sample_time = values["simulation.sample_time"]
     start = initial_loop_state(structure)
-    state, exogenous = with_leaves(start, of_state), with_leaves(calm, outside)
+    state, exogenous = with_leaves(start, of_state), with_leaves(zero_signals, outside)
     plant_state = state.motion.plant
 
     # at the sample: sense and control
@@ -361,12 +360,12 @@ def closed_loop(
         at_sample["returned"] = ca.vertcat(*(returned[opening] for opening in openings))
     marks = {name: leaf.marks for name, leaf in describe_parts(start).items()}
     marks |= dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))  # nothing depends on them
-    move, one_step = between_samples(structure, problem, symbols["parameters"])
-    sample_function = named_function("sample", symbols, at_sample)
+    move, one_step = between_samples(structure, problem, vector_symbols["parameters"])
+    sample_function = named_function("sample", vector_symbols, at_sample)
     phase, interval = _schedule(structure.controller, vectors["state"], marks)
     return ClosedLoop(
         sample=sample_function,
-        observe=named_function("observe", symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
+        observe=named_function("observe", vector_symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
         move=move,
         parts=structure.substeps,
         one_step=one_step,
@@ -438,21 +437,21 @@ def start_slopes(structure: LoopStructure) -> ca.Function:
 
 
 def _start(structure: LoopStructure, *, steps: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    x, symbols = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in structure.parameters}
+    x, values = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in structure.parameters}
     stepless = {} if steps else {"sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
-    state = starting_state(structure, symbolic_parts(structure, {**symbols, **stepless}), x)
-    return ca.vertcat(*symbols.values()), x, ca.densify(ca.vertcat(*state.values()))
+    state = starting_state(structure, symbolic_parts(structure, {**values, **stepless}), x)
+    return ca.vertcat(*values.values()), x, ca.densify(ca.vertcat(*state.values()))
 
 
 @dataclass(frozen=True)
 class ZeroOrderHold:
     """Inputs of the plant, held constant from one sample to the next."""
 
-    t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")]
-    torques: Torques
-    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")]
-    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")]
-    force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track, beside the vortex force")]
+    t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")] = 0.0
+    torques: Torques = field(default_factory=Torques)
+    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")] = 0.0
+    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
+    force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track, beside the vortex force")] = 0.0
 
 
 @dataclass(frozen=True)
@@ -462,9 +461,9 @@ class JitteringHold(ZeroOrderHold):
     duration: Annotated[Scalar, Quantity("s", "time until the next sample")] = 0.0
 
 
-def zero_order_hold(structure: LoopStructure, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
-    """The inputs held until the next sample; includes the duration only if it varies."""
-    return JitteringHold(**held, duration=duration) if structure.jitter else ZeroOrderHold(**held)
+def zero_order_hold(structure: LoopStructure, *, duration: Scalar = 0.0, **inputs: Any) -> ZeroOrderHold:
+    """The inputs held until the next sample, by default zero; includes the duration only if it varies."""
+    return JitteringHold(**inputs, duration=duration) if structure.jitter else ZeroOrderHold(**inputs)
 
 
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
@@ -479,11 +478,6 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
     )
 
 
-def motion_template(structure: LoopStructure) -> Motion:
-    """Template that names the elements of the plant's vector; its numbers are placeholders."""
-    return Motion(blank_state(structure.plant))
-
-
 def between_samples(
     structure: LoopStructure, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
 ) -> tuple[ca.Function, ca.Function | None]:
@@ -492,13 +486,9 @@ def between_samples(
     Their `margin` in m is the distance of the next position to the nearer end of the track, overrun included. The
     structure gives integrator and sub-steps, `problem` the integration problem of a zero-order hold.
     """
-    others = dict.fromkeys(("t", "current", "normal_force_variation", "force"), 0.0)
-    template = zero_order_hold(structure, duration=0.0, torques=Torques(0.0, 0.0), **others)
-    still = motion_template(structure)
-    motion, hold = ca.SX.sym("motion", len(leaves(still))), ca.SX.sym("hold", len(leaves(template)))
-    part = ca.SX.sym("part")
-    start = _with_elements(still, motion)
-    solved = problem(_with_elements(template, hold))
+    start, motion = symbols(structure.motion, "motion")
+    inputs_held, hold = symbols(zero_order_hold(structure), "hold")
+    part, solved = ca.SX.sym("part"), problem(inputs_held)
     track, overrun = solved.plant.track, solved.plant.track.rope_offset / 2
 
     def function(name: str, inputs: dict[str, ca.SX], moved: Motion, **more: ca.SX) -> ca.Function:
@@ -509,16 +499,12 @@ def between_samples(
         return named_function(name, inputs, outputs)
 
     integrator, h = INTEGRATORS[structure.integrator], solved.duration / structure.substeps
-    careful = integrator.substep(solved, start, solved.t + part * h, h)
-    move = function("move", {"part": part, "parameters": parameters}, careful)
+    substep = integrator.substep(solved, start, solved.t + part * h, h)
+    move = function("move", {"part": part, "parameters": parameters}, substep)
     if not integrator.one_step:
         return move, None
-    quick, valid = integrator.one_step(solved, start)
-    return move, function("one_step", {"parameters": parameters}, quick, valid=valid)
-
-
-def _with_elements(group: Any, vector: ca.SX) -> Any:
-    return with_leaves(group, dict(zip(leaves(group), ca.vertsplit(vector), strict=True)))
+    single_step, valid = integrator.one_step(solved, start)
+    return move, function("one_step", {"parameters": parameters}, single_step, valid=valid)
 
 
 def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:

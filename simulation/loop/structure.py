@@ -15,14 +15,14 @@ from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_struct
 from dualwinch.model.actuators import Actuator
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant, is_distributed, plant_structure, remembers_friction
+from dualwinch.model.plant import Plant, blank_state, is_distributed, plant_structure, remembers_friction
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
 from dualwinch.model.ropes import is_kelvin_voigt, kelvin_voigt
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
-from dualwinch.simulation.integrators import INTEGRATORS
+from dualwinch.simulation.integrators import INTEGRATORS, Motion
 from dualwinch.simulation.integrators.stability import (
     bristle_swing_rate,
     fastest_rate,
@@ -224,6 +224,11 @@ class LoopStructure:
     def parameters(self) -> dict[str, Leaf]:
         """Key → metadata of every run-time parameter (`parameters_of`), in the order of the code's vector."""
         return _described_parameters(self)
+
+    @property
+    def motion(self) -> Motion:
+        """State of the plant between two samples, all zero."""
+        return Motion(blank_state(self.plant))
 
     @property
     def nominal(self) -> Plant:

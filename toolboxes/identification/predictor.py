@@ -218,9 +218,7 @@ def state_template(structure: structures.LoopStructure) -> PredictorState:
     actuator = structure.actuator.initial_state()
     cells = sensing.LoadCells(0.0, 0.0) if scalar.present(structure.sensors.load_cell_time_constant) else parts.NO_STATE
     vortices = VortexStates() if has_vortex_states(structure) else NoVortices()
-    return PredictorState(
-        loops.motion_template(structure), actuator, actuator, cells, vortices, UnrecordedDisturbances()
-    )
+    return PredictorState(structure.motion, actuator, actuator, cells, vortices, UnrecordedDisturbances())
 
 
 @language.GRAPHS.cached
