@@ -68,7 +68,10 @@ def cache_folder() -> Path:
         CacheError: it cannot be created or read.
     """
     stated_folder = os.environ.get("DUALWINCH_CACHE_DIR")
-    folder = Path(stated_folder or user_cache_path("dualwinch")).absolute() / NAME
+    try:
+        folder = Path(stated_folder or user_cache_path("dualwinch")).absolute() / NAME
+    except RuntimeError as error:  # neither HOME nor an entry of the user
+        return _substitute(str(error))
     try:
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         reason = _untrusted_parent(folder) or _untrusted(folder) or _useless(folder)
@@ -155,14 +158,28 @@ def _private(group: int) -> bool:
 @cache
 def _substitute(reason: str) -> Path:
     """A temporary folder of this process, deleted at its end."""
-    folder = tempfile.TemporaryDirectory(prefix=f"{NAME}-", ignore_cleanup_errors=True)
-    _substitutes.append(folder)
-    if fault := _untrusted_parent(Path(folder.name)) or _useless(Path(folder.name)):
-        raise CacheError(f"no folder for compiled libraries: {reason}, and {fault}; {HINT}")
-    warnings.warn(
-        f"compiled libraries are not kept: {reason}; they are built anew in {folder.name}", CacheWarning, stacklevel=3
-    )
-    return Path(folder.name)
+    faults = [reason]
+    for parent in (None, *filter(os.path.isdir, PARENTS)):
+        try:
+            folder = tempfile.TemporaryDirectory(prefix=f"{NAME}-", dir=parent, ignore_cleanup_errors=True)
+        except OSError as error:
+            faults.append(f"{parent or 'temporary folders'}: {error.strerror}")
+            continue
+        _substitutes.append(folder)
+        if fault := _untrusted_parent(Path(folder.name)) or _useless(Path(folder.name)):
+            faults.append(fault)
+            continue
+        warnings.warn(
+            f"compiled libraries are not kept: {reason}; they are built anew in {folder.name}",
+            CacheWarning,
+            stacklevel=3,
+        )
+        return Path(folder.name)
+    raise CacheError(f"no folder for compiled libraries: {', and '.join(faults)}; {HINT}")
+
+
+PARENTS = ("/var/tmp", "/dev/shm", "/run/shm", os.environ.get("XDG_RUNTIME_DIR", ""), ".")  # noqa: S108
+"""Folders for a temporary folder where the usual one is of no use."""
 
 
 _substitutes: list[tempfile.TemporaryDirectory[str]] = []

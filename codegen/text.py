@@ -3,6 +3,7 @@
 HTML has its own escaping (`markupsafe` in reports, `html.escape` elsewhere), figures `simulation.plots.style.plain`.
 """
 
+import codecs
 import os
 import re
 import unicodedata
@@ -15,6 +16,16 @@ BREAKS = {"\u2028", "\u2029"}
 
 SECRET_VARIABLES = ("PGPASSWORD",)
 """Environment variables whose values are never shown."""
+
+
+def unicode_text(content: bytes) -> str:
+    """A file's content in UTF-8, or in UTF-16 with a byte order mark, as PowerShell writes it.
+
+    Raises:
+        UnicodeDecodeError: it is neither.
+    """
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return content.decode("utf-16" if wide else "utf-8-sig").replace("\r\n", "\n")
 
 
 def one_line(text: object) -> str:

@@ -11,6 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from dualwinch.codegen.text import unicode_text
 from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 
@@ -55,15 +56,17 @@ def read_source(path: str | PathLike[str]) -> Source:
     """Read a file.
 
     Raises:
-        ConfigurationError: it cannot be read, or is not UTF-8.
+        ConfigurationError: it cannot be read, or is neither UTF-8 nor UTF-16 with a byte order mark.
     """
     path = path_of("file", path)
     try:
-        return Source(str(path), path.read_text(encoding="utf-8-sig"), path.parent)
+        return Source(str(path), unicode_text(path.read_bytes()), path.parent)
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
+        raise ConfigurationError(
+            f"{path}: not UTF-8 text (byte {error.start}: 0x{error.object[error.start]:02x}); save it as UTF-8"
+        ) from error
 
 
 def head_comment(text: str, name: str) -> str:

@@ -101,7 +101,8 @@ def read_parquet(path: Path) -> list[TableColumn]:
     from pyarrow import parquet
 
     try:
-        columns, table = list[TableColumn](), parquet.read_table(path)
+        with path.open("rb") as file:
+            columns, table = list[TableColumn](), parquet.read_table(file)
     except pa.ArrowInvalid as error:
         raise ConfigurationError(f"{path}: not a Parquet file: {str(error).splitlines()[0]}") from error
     for field, values in zip(table.schema, table.columns, strict=True):

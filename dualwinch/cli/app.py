@@ -128,11 +128,27 @@ def _warnings_in_a_line() -> Iterator[None]:
         warnings.showwarning = before
 
 
+def _open_streams() -> None:
+    """Give a closed standard stream (``>&-``) the null device, whose place the next opened file would take."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            descriptor = os.open(os.devnull, os.O_RDWR)
+            if descriptor != number:
+                os.dup2(descriptor, number)
+                os.close(descriptor)
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", encoding="utf-8"))
+
+
 def _check_text(words: list[str]) -> None:
-    """Refuse words that are not UTF-8; make the output escape characters that the terminal cannot show."""
+    """Refuse words that are not UTF-8; make the output escape characters that the terminal cannot show.
+
+    Files and pipes take UTF-8 whatever the terminal takes, as TOML and JSON must be.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.isatty():
+        sys.stdout.reconfigure(encoding="utf-8")
     for word in words:
         # surrogates stand for undecodable bytes in a file name, and a NUL would end it
         if any("\ud800" <= letter <= "\udfff" or letter == "\0" for letter in word):
@@ -196,6 +212,7 @@ def main(arguments: list[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     # commands have threads of their own; those of linear algebra with matrices this small only wait, by spinning
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _open_streams()
     _check_text(words)
     _check_paths(words)
     written: list[Path] = []

@@ -96,7 +96,8 @@ def _write_csv(content: FileContent, path: Path) -> None:
     table = pa.table({name: pa.array(values, from_pandas=True) for name, values in content.columns.items()})
     text = json.dumps(_csv_metadata(content, path.name), indent=2, allow_nan=False)
     with atomic(path) as unfinished:
-        csv.write_csv(table, unfinished, csv.WriteOptions(quoting_style="none", quoting_header="none"))
+        with unfinished.open("wb") as file:  # of a path, the library wants it to be UTF-8
+            csv.write_csv(table, file, csv.WriteOptions(quoting_style="none", quoting_header="none"))
         write_whole(metadata_path(path), text + "\n")
 
 
@@ -118,7 +119,8 @@ def _read_csv(path: Path) -> FileContent:
         for column in described["tableSchema"]["columns"]
     }
     numbers = csv.ConvertOptions(column_types=dict.fromkeys(quantities, pa.float64()), null_values=[""])
-    table = csv.read_csv(path, convert_options=numbers)
+    with path.open("rb") as file:
+        table = csv.read_csv(file, convert_options=numbers)
     return FileContent(
         columns={name: table[name].to_numpy().copy() for name in quantities},
         quantities=quantities,
@@ -241,16 +243,17 @@ def _write_parquet(content: FileContent, path: Path) -> None:
         for array, (name, quantity) in zip(arrays, content.quantities.items(), strict=True)
     ]
     facts = {OURS + key: text for key, text in content.texts.items()}
-    with atomic(path) as unfinished:
-        table = pa.table(arrays, schema=pa.schema(fields, metadata=facts))
-        parquet.write_table(table, unfinished, compression="zstd")
+    table = pa.table(arrays, schema=pa.schema(fields, metadata=facts))
+    with atomic(path) as unfinished, unfinished.open("wb") as file:
+        parquet.write_table(table, file, compression="zstd")
 
 
 def _read_parquet(path: Path) -> FileContent:
     """Read a file of numbers."""
     from pyarrow import parquet
 
-    table = parquet.read_table(path)
+    with path.open("rb") as file:
+        table = parquet.read_table(file)
     entries = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
     quantities = {
         field.name: Quantity(
