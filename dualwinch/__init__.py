@@ -24,9 +24,14 @@ Parts of your own derive from PositionLaw, Estimator, Coordination, RopeLaw, Act
 Each name is imported when first used: `import dualwinch` costs nothing.
 """
 
+from pathlib import Path as _Path
+
 import lazy_loader
 
 __version__ = "0.1.0"
+
+if not _Path(__path__[0], "model").is_dir():  # a checkout on a system without symbolic links
+    __path__.append(str(_Path(__path__[0]).parent))
 
 # without __all__, for which help() would print the documentation of every public class
 _attribute, __dir__, _ = lazy_loader.attach_stub(__name__, __file__)

@@ -184,6 +184,7 @@ def test_no_folder_at_all(given: Path, tmp_path: Path, monkeypatch: pytest.Monke
     open_one.mkdir()
     open_one.chmod(0o777)
     monkeypatch.setattr("tempfile.tempdir", str(open_one))
+    monkeypatch.setattr(cache, "PARENTS", ())
     with pytest.raises(CacheError, match="set DUALWINCH_CACHE_DIR to a folder that only you may write to"):
         cache_folder()
 

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
@@ -26,9 +26,25 @@ class HeldLock(JournalFileOpenLock):
         """Nothing: the lock is released with the file."""
 
 
+class ResumableJournal(JournalFileBackend):
+    """Optuna's journal file, whose failures, such as a full disk, name it and the way to continue."""
+
+    def append_logs(self, logs: list[dict[str, Any]]) -> None:
+        """Write records.
+
+        Raises:
+            OSError: they cannot be written.
+        """
+        try:
+            super().append_logs(logs)
+        except OSError as error:
+            reason = f"{error.strerror}; the trials until now are kept, --resume continues with them"
+            raise OSError(error.errno, reason, self._file_path) from error
+
+
 def journal_storage(path: Path) -> JournalStorage:
     """The storage of a journal file that this process has `locked`."""
-    return JournalStorage(JournalFileBackend(str(path), lock_obj=HeldLock(str(path))))
+    return JournalStorage(ResumableJournal(str(path), lock_obj=HeldLock(str(path))))
 
 
 def locked(path: Path) -> IO[bytes]:
