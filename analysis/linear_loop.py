@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.analysis.differentiated_sample import DifferentiatedSample
 from dualwinch.analysis.margins import BOTH
 from dualwinch.analysis.operating_points import (
     LoopOperatingPoint,
@@ -31,7 +32,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, unknown
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, ClosedLoop, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.structure import LoopStructure, structure_of
 from dualwinch.simulation.rows import COLUMNS
 
@@ -119,15 +120,18 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
     point = loop_operating_point(experiment, x, v)
     loop = point.loop
     structure = with_taut_ropes(structure_of(point.experiment))
-    derived = [
-        _jacobians(structure)(s, point.exogenous, point.parameters) for s in (point.state, *neighbours(point.state))
-    ]
-    A, B, C, D = (without_round_off(*(part.full() for part in parts)) for parts in zip(*derived, strict=True))
-    outputs, kept = [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)], point.kept
-    rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
+    outputs, kept = _outputs(loop), point.kept
+    motions = kept[kept < loop.move.numel_in("motion")]
+    sample = _closed_sample(structure, tuple(kept.tolist()))
+    states = np.array([point.state, *neighbours(point.state)])
+    moved, at_sample = sample(
+        states, *(np.tile(vector, (len(states), 1)) for vector in (point.exogenous, point.parameters))
+    )
+    slopes = without_round_off(*np.concatenate([moved.slopes[:, motions], at_sample.slopes], axis=1))
+    n = len(kept)
+    matrices = slopes[:n, :n], slopes[:n, n:], slopes[n:, :n], slopes[n:, n:]
     units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
     inputs = [name for name, _ in INPUTS.values()]
-    matrices = A[kept][:, kept], B[kept][:, columns], C[rows][:, kept], D[rows][:, columns]
     return without_idle_states(_named(point, matrices, kept, inputs, outputs, units))
 
 
@@ -205,14 +209,25 @@ def fastest_growing(system: LinearSystem, plant: Plant) -> Mode | None:
     return max(growing, key=lambda mode: mode.rate.real, default=None)
 
 
+def _outputs(loop: ClosedLoop) -> list[str]:
+    """Columns of a result that are outputs of the closed loop."""
+    return [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)]
+
+
 @built_once
-def _jacobians(structure: LoopStructure) -> ca.Function:
-    """``(state, exogenous, parameters) -> A, B, C, D`` of a step."""
-    step = closed_loop(structure).step
-    symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
-    following, row, _ = step(*symbols)
-    wanted = [ca.jacobian(value, by) for value in (following, row) for by in symbols[:2]]
-    return ca.Function("jacobians", symbols, wanted)
+def _closed_sample(structure: LoopStructure, kept: tuple[int, ...]) -> DifferentiatedSample:
+    """A sample of the closed loop: the kept states a sample later and the outputs, by the kept states and inputs."""
+    loop = closed_loop(structure)
+    arguments = [ca.SX.sym(name, loop.sample.size1_in(name)) for name in loop.sample.name_in()]
+    discrete, hold = loop.sample(*arguments)
+    row, moving = loop.observe(*arguments), loop.move.numel_in("motion")
+    values = [discrete[[index - moving for index in kept if index >= moving]]]
+    values.append(row[[loop.columns.index(name) for name in _outputs(loop)]])
+    results = ca.Function(
+        "closed_sample", arguments, [ca.vertcat(*values), hold], loop.sample.name_in(), ["values", "hold"]
+    )
+    columns = [*(("state", index) for index in kept), *(("exogenous", loop.exogenous.index(name)) for name in INPUTS)]
+    return DifferentiatedSample(loop, results, columns, compiled=False)
 
 
 def _named(

@@ -151,7 +151,7 @@ def loop_operating_point(
             f"tensions {pulls[0]:.4g} and {pulls[1]:.4g} N"
         )
     state, outside = found.state[0], found.outside[0]
-    row = dict(zip(loop.columns, np.array(loop.step(state, outside, parameters)[1]).ravel().tolist(), strict=True))
+    row = dict(zip(loop.columns, np.array(loop.observe(state, outside, parameters)).ravel().tolist(), strict=True))
     row |= {"x": x, "v": v}  # as given, without round-off
     residual = float(found.residual[0])
     return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, found.opened, found.kept)

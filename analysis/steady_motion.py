@@ -19,8 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen import native
-from dualwinch.codegen.drivers.tangents import accumulated_jacobian
+from dualwinch.analysis.differentiated_sample import DifferentiatedSample, vectorised
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.controllers.parts import Context
 from dualwinch.model.linear.operating_point import operating_point_law
@@ -81,9 +80,6 @@ ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
 
 PLANT, LOAD_CELLS, ESTIMATOR = "motion.plant.", "readings.load_cells.", "controller.estimator."
 """Prefixes of the states of plant, load cells and estimator."""
-
-QUICK_BUILD = ("-O1",)
-"""Compiler flags: the function is long straight-line code, for which more optimisation only costs compile time."""
 
 
 @dataclass(eq=False)
@@ -242,15 +238,33 @@ def force_stays(structure: LoopStructure, found: LoopOperatingPoints) -> bool:
 
     It does not if a state that moves with the vehicle lacks `Mark.POSITION`.
     """
-    sample = open_sample(structure, compiled=False)
-    state, outside = found.state[0], found.outside[0].copy()
-    u, force = sample.loop.columns.index("u"), found.facts[0, 0]
+    loop, state, outside, parameters = (
+        closed_loop(structure),
+        found.state[0],
+        found.outside[0].copy(),
+        found.parameters[0],
+    )
+    reference, u, force = loop.exogenous.index("reference.x"), loop.columns.index("u"), found.facts[0, 0]
     for _ in range(LASTING):
-        state, row, *_ = (np.array(vector).ravel() for vector in sample.loop.step(state, outside, found.parameters[0]))
-        outside[sample.reference] += found.carried[0]
-        if not abs(row[u] - force) <= LASTING_SHARE * abs(force) + LASTING_FORCE:
+        command = float(loop.observe(state, outside, parameters)[u])
+        if not abs(command - force) <= LASTING_SHARE * abs(force) + LASTING_FORCE:
             return False
+        state = _following(loop, state, outside, parameters)
+        outside[reference] += found.carried[0]
     return True
+
+
+def _following(loop: ClosedLoop, state: Floats, outside: Floats, parameters: Floats) -> Floats:
+    """The state a sample later, interpreted part by part: with many parts, `ClosedLoop.step` is long."""
+    discrete, hold = (vector.full().ravel() for vector in loop.sample(state, outside, parameters))
+    motion = state[: loop.move.numel_in("motion")]
+    if loop.one_step:
+        moved, _, valid = loop.one_step(motion, hold, parameters)
+        if float(valid) > 0:
+            return np.append(moved.full().ravel(), discrete)
+    for part in range(loop.parts):
+        motion = loop.move(motion, hold, part, parameters)[0].full().ravel()
+    return np.append(motion, discrete)
 
 
 LASTING, LASTING_SHARE, LASTING_FORCE = 20, 0.05, 20.0
@@ -291,15 +305,9 @@ class _OpenSample:
         adapting: (states,) which states belong to law and estimator.
         controller: (states,) which states belong to the controller.
         reference: index of the reference position among the exogenous signals.
-        evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)`` for many points. Values are the
-            kept states a sample later, the signals returned to the openings, and the changes of the inner forces over
-            the sample, (n + 3 + f,); facts as in `LoopOperatingPoints`; slopes are derivatives of the values with
-            respect to kept states, reference position and injected signals, (n + 3 + f, n + 4).
         inform: ``(state, parameters) -> learnt`` for many points in columns: the learnt states if the estimator knew
             the machine (`Estimator.informed`).
     """
-
-    evaluate: Callable[..., tuple[Floats, ...]]
 
     def __init__(self, structure: LoopStructure, *, compiled: bool) -> None:
         self.loop = closed_loop(structure)
@@ -318,26 +326,46 @@ class _OpenSample:
         self.adapting = np.array([name.startswith(adapting) for name in self.loop.states])
         self.controller = np.array([name.startswith("controller.") for name in self.loop.states])
         self.reference = self.loop.exogenous.index("reference.x")
-        self.evaluate = _vectorised(_open_function(structure, compiled), compiled)
+        self._forces = vectorised(_inner_forces(structure), compiled)
+        opened = closed_loop(structure, openings=tuple(LOOP_OPENINGS))
+        self._sample = DifferentiatedSample(
+            opened,
+            _open_results(structure),
+            [
+                *(("state", index) for index in self.kept.tolist()),
+                ("exogenous", self.reference),
+                *(("injected", index) for index in range(len(LOOP_OPENINGS))),
+            ],
+            compiled=compiled,
+        )
+        self._moving = opened.move.numel_in("motion")
+        self._kept_motions = self.kept[self.kept < self._moving]
         self.inform = _informing_function(structure)
+
+    def evaluate(
+        self, state: Floats, exogenous: Floats, parameters: Floats, leaving: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Evaluate the sample at s points.
+
+        Returns:
+            Values, (s, n + 3 + f): the kept states a sample later, the signals returned to the openings, and the
+            changes of the inner forces over the sample. Facts as in `LoopOperatingPoints`. Slopes, (s, n + 3 + f,
+            n + 4): the derivatives of the values with respect to kept states, reference position and injected signals.
+        """
+        moved, at_sample, facts = self._sample(state, exogenous, parameters, leaving)
+        before, slopes_before = self._forces(state[:, : self._moving], parameters)
+        after, slopes_after = self._forces(moved.values, parameters)
+        with np.errstate(over="ignore", invalid="ignore"):  # diverging points
+            slopes = slopes_after @ moved.slopes
+            slopes[:, :, : len(self._kept_motions)] -= slopes_before[:, :, self._kept_motions]
+            values = moved.values[:, self._kept_motions], at_sample.values, after - before
+        slopes = moved.slopes[:, self._kept_motions], at_sample.slopes, slopes
+        return np.concatenate(values, axis=1), facts, np.concatenate(slopes, axis=1)
 
 
 def _is_kept(loop: ClosedLoop) -> Flags:
     """(states,) which states of the closed loop are those of the linearised one."""
     return ~loop.marked(Mark.BOOKKEEPING, Mark.LEARNT)
-
-
-def _vectorised(function: ca.Function, compiled: bool) -> Callable[..., tuple[Floats, ...]]:
-    """A function of vectors for many points: arguments (s, elements), results (s, rows) or (s, rows, columns)."""
-    if compiled:
-        return native.compile(function, flags=QUICK_BUILD)  # pyright: ignore[reportReturnType]
-
-    def interpreted(*vectors: Floats) -> tuple[Floats, ...]:
-        outputs = [output.full() for output in function.call([ca.DM(vector.T) for vector in vectors])]
-        found = [np.array(np.split(output, len(vectors[0]), axis=1)) for output in outputs]
-        return tuple(each[:, :, 0] if each.shape[2] == 1 else each for each in found)
-
-    return interpreted
 
 
 @GRAPHS.cached
@@ -347,30 +375,31 @@ def open_sample(structure: LoopStructure, compiled: bool) -> _OpenSample:
 
 
 @built_once
-def _open_function(structure: LoopStructure, compiled: bool) -> ca.Function:
-    """The sample and its derivatives; merging common subexpressions pays off only for compiled code."""
-    loop, opened = closed_loop(structure), closed_loop(structure, openings=tuple(LOOP_OPENINGS))
+def _open_results(structure: LoopStructure) -> ca.Function:
+    """The loop's sample opened at all openings: ``(values, hold, facts)`` for `DifferentiatedSample`.
+
+    Values are the kept states of the controller and its surroundings a sample later, and the returned signals.
+    """
+    opened = closed_loop(structure, openings=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, opened.sample.size1_in(name)) for name in opened.sample.name_in()]
-    state, _, parameters, leaving = arguments
-    following, row, _ = opened.step(*arguments)
-    returned = opened.sample(*arguments)[opened.sample.name_out().index("returned")]
-    kept = np.flatnonzero(_is_kept(loop)).tolist()
+    discrete, hold, returned = opened.sample(*arguments)
+    moving = opened.move.numel_in("motion")
+    kept = [index - moving for index in np.flatnonzero(_is_kept(opened)).tolist() if index >= moving]
+    facts = opened.observe(*arguments)[[opened.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
+    outputs = {"values": ca.vertcat(discrete[kept], returned), "hold": hold, "facts": facts}
+    return ca.Function("open_sample", arguments, [*outputs.values()], opened.sample.name_in(), [*outputs])
+
+
+@built_once
+def _inner_forces(structure: LoopStructure) -> ca.Function:
+    """``(state, parameters) -> (forces, slopes)``: the inner forces, with their Jacobian by the plant's state."""
+    loop, blank = closed_loop(structure), blank_state(structure.plant)
+    state, parameters = ca.SX.sym("state", loop.move.numel_in("motion")), ca.SX.sym("parameters", len(loop.parameters))
     plant = with_leaves(structure.plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant.")
-    blank = blank_state(structure.plant)
-
-    def forces(vector: ca.SX) -> ca.SX:
-        named = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
-        return ca.vertcat(*inner_forces(with_leaves(blank, named, PLANT), plant).values())
-
-    values = ca.vertcat(following[kept], returned, forces(following) - forces(state))
-    facts = row[[loop.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
-    names = ["state", "exogenous", "parameters", "leaving"]
-    columns = [*(("state", index) for index in kept), ("exogenous", loop.exogenous.index("reference.x"))]
-    columns += [("leaving", index) for index in range(leaving.numel())]
-    merged = ca.Function("values", arguments, [ca.densify(values)], names, ["values"], {"cse": True})
-    slopes = accumulated_jacobian(merged, dict(zip(names, arguments, strict=True)), columns, "values")
-    results = [ca.densify(value) for value in (values, facts, slopes)]
-    return ca.Function("open_sample", arguments, results, names, ["values", "facts", "slopes"], {"cse": compiled})
+    named = dict(zip(loop.states, ca.vertsplit(state), strict=False))
+    forces = ca.vertcat(*inner_forces(with_leaves(blank, named, PLANT), plant).values())
+    outputs = [ca.densify(forces), ca.densify(ca.jacobian(forces, state))]
+    return ca.Function("inner_forces", [state, parameters], outputs, ["state", "parameters"], ["forces", "slopes"])
 
 
 @built_once

@@ -38,6 +38,9 @@ OPTIMISE = (
 INEXACT = ("-ffp-contract=fast", "-freciprocal-math")
 """Flags of drivers that change the last bits, differently by compiler and processor."""
 
+NON_FINITE = ("-fno-finite-math-only",)
+"""A single function takes any values: infinities and NaN give the same results as in the interpreter."""
+
 EXACT: ContextVar[bool | None] = ContextVar("exact", default=None)
 """Whether compilers are `Compiler.exact` in the present context; None: if ``DUALWINCH_EXACT`` is 1."""
 

@@ -12,19 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.compiler import NON_FINITE, Compiler, find_compiler
 from dualwinch.codegen.drivers.unit import recipe
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.c_source import PART, c_source
 
 Floats = NDArray[np.float64]
-
-NON_FINITE = ("-fno-finite-math-only",)
-"""A single function takes any values: infinities and NaN give the same results as in the interpreter."""
-
-PART = 250
-"""Statements per C function. Divided like this, gcc compiles 30 000 statements in a third of the time, and they run a
-tenth longer."""
 
 RAW = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 """Type of the compiled function, called by addresses."""

@@ -148,7 +148,7 @@ def prepare(
     if problem.bounds_loop_margins:
         threads, amplitudes = threads_of(workers), problem.margin_amplitudes
         compiling.append(MarginSurvey([problem.experiment], threads=threads, amplitudes=amplitudes).compile)
-    *_, start, paper = map_all(lambda call: call(), [*compiling, run_start, run_paper], threads_of(workers))
+    start, *_, paper = map_all(lambda call: call(), [run_start, *compiling, run_paper], threads_of(workers))
     return TrainingSet(
         problem=problem,
         scenarios=tuple(scenarios),

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.special import erfinv
 
-from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.compiler import NON_FINITE, Compiler, find_compiler
 from dualwinch.codegen.drivers.unit import unit
 from dualwinch.codegen.errors import CodegenWarning
-from dualwinch.codegen.native import NON_FINITE
 from dualwinch.codegen.native import compile as compiled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.operations import FUNCTIONS_OF_ONE, FUNCTIONS_OF_TWO, INLINED, Style, name_of, patterns
