@@ -16,7 +16,8 @@ from dualwinch.simulation.prepare import prepare
 def results_of(loop: ClosedLoop) -> ca.Function:
     """The discrete states and the zero-order hold of a loop's sample."""
     arguments = [ca.SX.sym(name, loop.sample.size1_in(name)) for name in loop.sample.name_in()]
-    return ca.Function("results", arguments, loop.sample(*arguments), loop.sample.name_in(), ["values", "hold"])
+    discrete, hold = loop.sample(*arguments)
+    return ca.Function("results", arguments, [discrete, hold], loop.sample.name_in(), ["values", "hold"])
 
 
 @pytest.mark.parametrize(
