@@ -23,6 +23,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop
 from dualwinch.simulation.loop.structure import LoopStructure, parameters_of, structure_of
 from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.sensors import FAULTS
 
 Floats = NDArray[np.float64]
 
@@ -165,8 +166,8 @@ def with_taut_ropes(structure: LoopStructure) -> LoopStructure:
 def in_calm(experiment: Experiment) -> Experiment:
     """The experiment without disturbances, sensor errors and anything else that prevents steady motion.
 
-    Torque commands are not quantised, and slow parts of a controller are updated at every sample; for the plant see
-    `still_plant`.
+    Torque commands are not quantised, slow parts of a controller are updated at every sample, and its gates pass every
+    measurement; for the plant see `still_plant`.
     """
     # unit noise gives the noise inputs of the linear system the units of the sensors
     sensors = replace(
@@ -180,9 +181,12 @@ def in_calm(experiment: Experiment) -> Experiment:
         tension_noise=1.0,
         encoder_counts=0,
         drum_speed_resolution=0.0,
+        **dict.fromkeys(FAULTS, 0.0),
     )
     simulation = replace(experiment.simulation, jitter=0.0, torque_step=0.0)
-    slow = {key: 1 for key, leaf in describe_parts(experiment.controller).items() if Mark.INTERVAL in leaf.marks}
+    described = describe_parts(experiment.controller)
+    slow = {key: 1 for key, leaf in described.items() if Mark.INTERVAL in leaf.marks}
+    slow |= {key: 0.0 for key, leaf in described.items() if Mark.GATE in leaf.marks}
     return replace(
         experiment,
         controller=with_leaves(experiment.controller, slow),

@@ -10,7 +10,7 @@ from dualwinch.controllers.parts import Measurement
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
-from dualwinch.model.scalar import Scalar, exp, floor, maximum, present, quantise, where
+from dualwinch.model.scalar import Scalar, both, clip, exp, floor, maximum, present, quantise, where
 from dualwinch.simulation.lateness import (
     PastMotion,
     PastPulls,
@@ -174,6 +174,46 @@ class Sensors:
         Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
+    fault_start: Annotated[
+        NonNegative, Quantity("s", "time at which the faults below begin", "assumption"), Mark.SHAPE_PARAMETER
+    ] = 20.0
+    fault_length: Annotated[
+        Positive, Quantity("s", "time that the faults last", "assumption"), Mark.SHAPE_PARAMETER
+    ] = 0.5
+    fault_period: Annotated[
+        Positive, Quantity("s", "time after which they come again", "assumption"), Mark.SHAPE_PARAMETER
+    ] = 1e3
+    position_fault: Annotated[
+        float,
+        Quantity("m", "error of the position during a fault, as by multipath", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    speed_fault: Annotated[
+        float,
+        Quantity("1", "share by which the speed wheel reads more during a fault, as it slips", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    encoder_fault_1: Annotated[
+        float,
+        Quantity("m", "rope that drum encoder 1 loses in every fault, as its coupling slips", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    encoder_fault_2: Annotated[
+        float,
+        Quantity("m", "rope that drum encoder 2 loses in every fault, as its coupling slips", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    load_cell_drift_1: Annotated[
+        float, Quantity("N", "drift of load cell 1 since the run's beginning", "assumption"), Mark.SHAPES_CODE_AT_ZERO
+    ] = 0.0
+    load_cell_drift_2: Annotated[
+        float, Quantity("N", "drift of load cell 2 since the run's beginning", "assumption"), Mark.SHAPES_CODE_AT_ZERO
+    ] = 0.0
+    load_cell_drift_time: Annotated[
+        Positive,
+        Quantity("s", "time after which a load cell has drifted by the share 1 − 1/e", "assumption"),
+        Mark.SHAPE_PARAMETER,
+    ] = 15.0
     memory: Annotated[
         int,
         at.Ge(2),
@@ -229,6 +269,16 @@ DELAYS = ("position_delay", "speed_delay", "tension_delay", "encoder_delay")
 EFFECTS = ("load_cell_time_constant", "drum_speed_resolution", "position_rate")
 """Further fields whose effect is in the compiled code only where they are not zero."""
 
+FAULTS = (
+    "position_fault",
+    "speed_fault",
+    "encoder_fault_1",
+    "encoder_fault_2",
+    "load_cell_drift_1",
+    "load_cell_drift_2",
+)
+"""Fields that are sizes of faults, likewise."""
+
 PLACEHOLDER = 1e-3
 """Their value in a structure."""
 
@@ -237,7 +287,9 @@ def sensors_structure(sensors: Sensors) -> Sensors:
     """Sensors of the same compiled code, with placeholder numbers."""
     silence = silence_of(sensors)
     outages = {"outage": silence, "outage_length": 1.0} if silence else {}
-    shaping: dict[str, Any] = {name: PLACEHOLDER for name in (*DELAYS, *EFFECTS) if present(getattr(sensors, name))}
+    shaping: dict[str, Any] = {
+        name: PLACEHOLDER for name in (*DELAYS, *EFFECTS, *FAULTS) if present(getattr(sensors, name))
+    }
     shaping |= {"memory": sensors.memory} if is_late(sensors) else {}
     return Sensors(**outages, **shaping)
 
@@ -355,6 +407,7 @@ def measure(
     past, tensions = late_tensions(last, tensions, sensors, sample_time)
     exact = measurement(state, tensions, plant, sensors, sensors.position_drift * noise.drift)
     past, exact = late_motion(past, exact, state, sensors, sample_time)
+    exact = faulty(exact, plant, sensors, number * sample_time)
     now = replace(past, **read_encoders(exact, plant, sensors), load_cells=carried)
     x = quantise(exact.x + sensors.position_noise * noise.position, sensors.position_resolution)
     if isinstance(last, HeldReadings):
@@ -384,6 +437,31 @@ ROUNDING = 1e-6
 def is_due(number: Scalar, share: Scalar) -> Scalar:
     """Whether a sensor reads in the sample of a number, of which it has a `share` of readings."""
     return floor(number * share + ROUNDING) > floor((number - 1) * share + ROUNDING)
+
+
+def faulty(exact: Measurement, plant: Plant, sensors: Sensors, t: Scalar) -> Measurement:
+    """The measurement with the sensors' faults at the time t in s.
+
+    Faults come in intervals, in which the position is off, the wheel slips, and the encoders lose a length of rope at
+    a constant rate. Load cells drift exponentially from the beginning, as they warm.
+    """
+    since = t - sensors.fault_start
+    count = maximum(floor(since / sensors.fault_period), 0.0)
+    share = (since - count * sensors.fault_period) / sensors.fault_length
+    active, lost = both(share >= 0, share < 1), count + clip(share, 0.0, 1.0)
+    drifted = 1 - exp(-t / sensors.load_cell_drift_time)
+    readings: dict[str, Scalar] = {}
+    if present(sensors.position_fault):
+        readings["x"] = exact.x + active * sensors.position_fault
+    if present(sensors.speed_fault):
+        readings["v"] = exact.v * (1 + active * sensors.speed_fault)
+    for side in plant.sides:
+        if present(drift := getattr(sensors, f"load_cell_drift_{side.number}")):
+            readings[f"F{side.number}"] = getattr(exact, f"F{side.number}") + drifted * drift
+        if present(rope := getattr(sensors, f"encoder_fault_{side.number}")):
+            angle = f"theta_{side.number}"
+            readings[angle] = getattr(exact, angle) - lost * rope / side.winch.drum_radius
+    return replace(exact, **readings)
 
 
 def late_tensions(

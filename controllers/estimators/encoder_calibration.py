@@ -121,10 +121,24 @@ class DrumGains:
 class TrustGains:
     """Rejection of outlying readings, and detection of encoder faults."""
 
+    false_alarm: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(0.1),
+        Quantity(
+            "1", "probability that the gate rejects a sound reading of position or speed; 0: no gate", "assumption"
+        ),
+        Mark.SHAPES_CODE,
+        Mark.GATE,
+    ] = 0.0
     gate: Annotated[
         Positive,
         Quantity("1", "standard deviations of the innovation beyond which a reading is an outlier", "assumption"),
         Tunable(3, 10, standard=False),
+    ] = 5.0
+    hold_time: Annotated[
+        Positive,
+        Quantity("s", "longest time for which the gate does without the position sensor", "assumption"),
     ] = 5.0
     frozen_after: Annotated[
         int, at.Ge(1), Quantity("1", "samples after which an exactly repeated reading is invalid", "assumption")
@@ -201,12 +215,14 @@ class Reading:
         alive: whether there is a reading.
         deviation: standard deviation of its noise in m.
         weight: number of such readings that it counts as.
+        trusted: whether a gate passes it; otherwise what is known fades, but nothing is learnt.
     """
 
     x: Scalar
     alive: Scalar
     deviation: Scalar
     weight: Scalar = 1.0
+    trusted: Scalar = 1.0
 
 
 @dataclass(frozen=True)
@@ -323,7 +339,8 @@ def calibrate(
     limited = clip(innovation, -bound, bound)
     # of a suspect encoder the gate opens: apparent outliers show the new errors
     opened = bound * (1 + odds)
-    weight = reading.weight * where(counts, where(within, 1.0, fault), 0.0)
+    trusted = counts * reading.trusted
+    weight = reading.weight * where(trusted, where(within, 1.0, fault), 0.0)
     fade = where(counts, exp(-sample_time / gains.memory) * (1 - fault * sample_time / trusting.relearning_time), 1.0)
     following = updated(
         replace(
@@ -339,17 +356,28 @@ def calibrate(
         gains,
         due,
     )
-    of_drum = [0.0 if name == "delay" else each for name, each in zip(learnt_names(gains), row, strict=True)]
+    of_drum = _of_drum(row, gains)
     before, after = (dot(of_drum, _estimates(each.estimate, row)) for each in (gathered, following.gathered))
-    share = where(counts, sample_time / trusting.fault_time, 0.0)
+    share = where(trusted, sample_time / trusting.fault_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
     position = EncoderPosition(
         x=drum.direction * (says - after * deviation),
         shift=-drum.direction * (after - before) * deviation,
         odds=fault_odds(residual, gathered.variance),
-        used=counts * within,
+        used=trusted * within,
     )
     return replace(following, residual=residual), position
+
+
+def drum_position(known: EncoderKnowledge, drum: Drum, gains: DrumGains, deviation: Scalar) -> Scalar:
+    """The vehicle's position in m from an encoder as it is known, with readings of a deviation in m."""
+    row, says = _of_drum(regressors(drum, gains, deviation), gains), drum.wound - (drum.stretch - drum.sag) - known.tare
+    return drum.direction * (says - dot(row, _estimates(known.gathered.estimate, row)) * deviation)
+
+
+def _of_drum(row: Sequence[Scalar], gains: DrumGains) -> list[Scalar]:
+    """The regressors without that of the position sensor's delay, which is no error of the encoder."""
+    return [0.0 if name == "delay" else each for name, each in zip(learnt_names(gains), row, strict=True)]
 
 
 def updated(known: EncoderKnowledge, row: Sequence[Scalar], gains: DrumGains, due: Scalar) -> EncoderKnowledge:

@@ -37,7 +37,7 @@ the tensions.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import annotated_types as at
 
@@ -131,8 +131,22 @@ TAUT = 0.5
 """Share of tension_min above which a rope counts as taut."""
 
 
+class SteadyFilter(NamedTuple):
+    """The steady-state filter: its gain as in `kalman_gain`, and the variance in m²/s² of the predicted speed."""
+
+    gain: Matrix
+    speed_variance: Scalar
+
+
 def kalman_gain(gains: KalmanGains, sample_time: Scalar, encoders: bool = True) -> Matrix:
-    """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed.
+    """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed (`steady_filter`)."""
+    return steady_filter(gains, sample_time, encoders).gain
+
+
+def steady_filter(
+    gains: KalmanGains, sample_time: Scalar, encoders: bool = True, speed_sensor: bool = True
+) -> SteadyFilter:
+    """The filter with all sensors, or without encoders or speed sensor.
 
     Computed in units of the sample time in s and of the combined position noise, in which all numbers have similar
     sizes. The position is that of all three sensors combined, or that of the position sensor without the `encoders`.
@@ -145,16 +159,18 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar, encoders: bool = True) 
     )
     position_variance = 1 / sum(_information(gains)) if encoders else gains.position_noise**2
     speed_variance = gains.speed_noise**2 * sample_time**2 / position_variance
-    rows = _observation(gains, sample_time, encoders)
-    information = times(transpose(rows), diagonal(1.0, 1 / speed_variance), rows)
+    noise = (1.0, speed_variance) if speed_sensor else (1.0,)
+    rows = _observation(gains, sample_time, encoders)[: len(noise)]
+    information = times(transpose(rows), diagonal(*(1 / variance for variance in noise)), rows)
     h = riccati(transpose(motion), information, covariance, DOUBLINGS)
     observed = times(h, transpose(rows))
-    innovation = plus(times(rows, observed), diagonal(1.0, speed_variance))
+    innovation = plus(times(rows, observed), diagonal(*noise))
     gain = transpose(solve(innovation, transpose(observed)))
-    return tuple(
-        (position_gain / sample_time**order, speed_gain * sample_time ** (1 - order))
-        for order, (position_gain, speed_gain) in enumerate(gain)
+    scaled = tuple(
+        (of_position / sample_time**order, *(of_speed * sample_time ** (1 - order) for of_speed in of_speeds))
+        for order, (of_position, *of_speeds) in enumerate(gain)
     )
+    return SteadyFilter(scaled, h[1][1] * position_variance / sample_time**2)
 
 
 def _observation(gains: KalmanGains, sample_time: Scalar, encoders: bool) -> Matrix:

@@ -11,6 +11,9 @@ precision with the frame of the position sensor.
 - A reading that is repeated until the next (`TrustGains.position_rate`) is taken for what it is: one reading, and by
   the time since it came older. Its repetitions share its information.
 - While the sensor is silent (no number, or the same for many samples) only the encoders are used.
+- With a probability of false alarms (`TrustGains.false_alarm`) readings of position and speed are gated
+  (`controllers.estimators.innovation_gate`): an improbable position is not used, nor learnt from, while the encoder of
+  a taut rope confirms the prediction; a speed wheel that slips is done without, with the gain for positions alone.
 - Encoders of slack ropes and suspect encoders are faded out. Without any the filter uses position and speed sensor,
   with the gain for these. Both gains depend on parameters alone.
 """
@@ -28,12 +31,14 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     Reading,
     TrustGains,
     calibrate,
+    drum_position,
     informed_errors,
     learnt_errors,
     learnt_names,
     tared,
     unknown_errors,
 )
+from dualwinch.controllers.estimators.innovation_gate import GateState, gated, is_improbable
 from dualwinch.controllers.estimators.kalman import (
     TAUT,
     KalmanEstimate,
@@ -41,6 +46,7 @@ from dualwinch.controllers.estimators.kalman import (
     KalmanState,
     corrected,
     kalman_gain,
+    steady_filter,
     timely,
 )
 from dualwinch.controllers.parts import Context, Estimator, Measurement
@@ -75,6 +81,15 @@ class WheelKnowledge:
 
 
 @dataclass(frozen=True)
+class Gates:
+    """States of the gates of position and speed."""
+
+    position: GateState = field(default_factory=GateState)
+    speed: GateState = field(default_factory=GateState)
+    held: Annotated[Scalar, Quantity("s", "time since which the position is improbable"), Mark.BOOKKEEPING] = 0.0
+
+
+@dataclass(frozen=True)
 class SelfCalibratingState:
     """State of the filter, of the calibrations of encoders and wheel, and of the detection of silence."""
 
@@ -87,6 +102,7 @@ class SelfCalibratingState:
         Scalar, Quantity("1", "samples since the calibration was updated"), Mark.PHASE, Mark.BOOKKEEPING
     ] = 0.0
     pending: Annotated[Scalar, Quantity("m", "shift by calibration that has not yet reached the position law")] = 0.0
+    gates: Any = NO_STATE
 
 
 @dataclass(frozen=True)
@@ -133,6 +149,13 @@ class LateEstimate(SiteEstimate):
     delay_2: Annotated[Scalar, Quantity("s", "learnt delay beyond the assumed one, by encoder 2")] = 0.0
     delay_1_sd: Annotated[Scalar, Quantity("s", "standard deviation of delay_1")] = 0.0
     delay_2_sd: Annotated[Scalar, Quantity("s", "standard deviation of delay_2")] = 0.0
+
+
+@dataclass(frozen=True)
+class GatedEstimate(LateEstimate):
+    """Output of the filter, where a gate may reject the speed."""
+
+    speed_used: Annotated[Scalar, Quantity("1", "1 where the reading of the speed sensor is accepted")] = 1.0
 
 
 PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess", "delay")
@@ -206,6 +229,16 @@ def innovation(
     return Innovation(shift, residual, lead)
 
 
+def wheel_error(known: Any) -> Scalar:
+    """Learnt share by which the speed wheel reads too much."""
+    return known.error if isinstance(known, WheelKnowledge) else 0.0
+
+
+def wheel_deviation(known: Any, gains: DrumGains) -> Scalar:
+    """Standard deviation of that share."""
+    return 1 / sqrt(known.information + 1 / gains.wheel**2) if isinstance(known, WheelKnowledge) else 0.0
+
+
 def lateness(v: Scalar, encoders: tuple[EncoderKnowledge, EncoderKnowledge], gains: DrumGains) -> Scalar:
     """Way in m at the speed v in m/s during the learnt delay of the position sensor, the mean of both encoders'."""
     if not present(gains.delay):
@@ -245,7 +278,8 @@ class SelfCalibratingKalman(Estimator):
         """At rest at the start of the run, with nominal drums, ropes and encoders."""
         unknown = unknown_errors(self.drums)
         wheel = WheelKnowledge() if present(self.drums.wheel) else NO_STATE
-        return SelfCalibratingState(KalmanState(), unknown, unknown, wheel)
+        gates = Gates() if self.trust.false_alarm else NO_STATE
+        return SelfCalibratingState(KalmanState(), unknown, unknown, wheel, gates=gates)
 
     def step(
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
@@ -263,31 +297,111 @@ class SelfCalibratingKalman(Estimator):
         reading = Reading(now.x, alive, gains.position_noise)
         due = True if self.drums.interval == 1 else state.samples == 0
         drums, resting = _drums(now, state.motion, context), both(due, state.watch.started < FIRST)
+        late = lateness(state.motion.v, (state.encoder_1, state.encoder_2), self.drums)
+        gates, is_confirmed = state.gates, 1.0
+        if isinstance(gates, Gates):
+            late_reading = replace(reading, x=reading.x + late)
+            gates, is_confirmed = self._position_gated(gates, late_reading, state, drums, sample_time)
+            reading = replace(reading, trusted=1 - gates.position.rejected)
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
         late = lateness(state.motion.v, (encoder_1, encoder_2), self.drums)
-        punctual = replace(reading, x=reading.x + late) if present(late) else reading
+        punctual = replace(reading, x=reading.x + late, alive=both(reading.alive, reading.trusted))
         fused = innovation(x, punctual, drums, (position_1, position_2), gains, self.trust)
-        wheel, speed = self._rolled(state.wheel, now.v, x, sample_time)
+        gain, rolled, predicted = blended_gain(gains, fused.lead, sample_time), now.v, state.motion
+        if isinstance(gates, Gates):
+            gates, gain, predicted = self._speed_gated(gates, gain, now.v, state, is_confirmed, sample_time)
+            rolled = where(gates.speed.rejected > 0, predicted.v * (1 + wheel_error(state.wheel)), now.v)
+        wheel, speed = self._rolled(state.wheel, rolled, x, sample_time)
         motion, estimate = corrected(
-            replace(state.motion, x=x + fused.shift),
+            replace(predicted, x=x + fused.shift),
             measurement,
-            (fused.residual, speed - state.motion.v),
-            blended_gain(gains, fused.lead, sample_time),
+            (fused.residual, speed - predicted.v),
+            gain,
             gains,
             context.nominal,
             sample_time,
         )
         pending = (state.pending + fused.shift) * (1 - sample_time / self.trust.slide_time)
         samples = where(state.samples + 1 < self.drums.interval, state.samples + 1, 0.0)
-        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending, gates)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
+        learnt |= {"speed_used": 1 - gates.speed.rejected} if isinstance(gates, Gates) else {}
         return following, self._output_type()(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
+
+    def _position_gated(
+        self, gates: Gates, reading: Reading, state: SelfCalibratingState, drums: tuple[Drum, Drum], sample_time: Scalar
+    ) -> tuple[Gates, Scalar]:
+        """The gates after a reading of the position sensor, and whether the prediction is confirmed.
+
+        A position is rejected for at most `TrustGains.hold_time`, and only while both encoders confirm the prediction:
+        two of three that measure the same are right.
+        """
+        x, trust, noise = state.motion.x, self.trust, self.kalman.position_noise**2
+        confirmed, variance, of_encoders = 1.0, 0.0, self.kalman.encoder_noise**2
+        for drum, known in zip(drums, (state.encoder_1, state.encoder_2), strict=True):
+            spread = noise * known.gathered.variance
+            off = drum_position(known, drum, self.drums, self.kalman.position_noise) - x
+            agrees = 1 - is_improbable(off, of_encoders + spread, trust.false_alarm)
+            confirmed, variance = confirmed * both(drum.taut, agrees), variance + spread / len(drums)
+        gate = gated(
+            gates.position,
+            where(reading.alive, reading.x - x, 0.0),
+            used=noise + of_encoders + variance,
+            unused=noise + of_encoders + variance,
+            lasting=variance,
+            memory=sample_time / trust.fault_time,
+            false_alarm=trust.false_alarm,
+        )
+        improbable = both(confirmed, gate.rejected)
+        is_over = gates.held >= trust.hold_time  # until the encoders have learnt the position
+        held = where(is_over, gates.held, where(improbable, gates.held + sample_time, 0.0))
+        rejected, held = both(improbable, 1 - is_over), where(gate.rejected, held, 0.0)
+        return replace(gates, position=replace(gate, rejected=rejected), held=held), both(confirmed, 1 - is_over)
+
+    def _speed_gated(
+        self,
+        gates: Gates,
+        gain: Matrix,
+        reading: Scalar,
+        state: SelfCalibratingState,
+        is_confirmed: Scalar,
+        sample_time: Scalar,
+    ) -> tuple[Gates, Matrix, KalmanState]:
+        """The gates after the wheel's reading in m/s, the gain with the wheel or without, and the prediction.
+
+        The wheel is rejected only where the encoders confirm the prediction. Of the speed, whose gain on its innovation
+        is the gate's memory, what the estimate followed of the wheel is taken back, of the disturbance in proportion.
+        """
+        gains, v, noise = self.kalman, state.motion.v, self.kalman.speed_noise**2
+        complete, coasting = (steady_filter(gains, sample_time, speed_sensor=there) for there in (True, False))
+        (_, _), (_, memory), (_, of_d) = complete.gain
+        gate = gated(
+            gates.speed,
+            reading / (1 + wheel_error(state.wheel)) - v,
+            used=complete.speed_variance + noise,
+            unused=coasting.speed_variance + noise + (v * wheel_deviation(state.wheel, self.drums)) ** 2,
+            lasting=0.0,
+            memory=memory,
+            false_alarm=self.trust.false_alarm,
+        )
+        rejected = both(gate.rejected, is_confirmed)
+        back = where(rejected, gates.speed.followed, 0.0)
+        learnt = back * of_d / memory
+        rate = state.motion.rate - gains.ramp * gains.bandwidth * learnt
+        predicted = replace(state.motion, v=v - back, d=state.motion.d - learnt, rate=rate)
+        gain = tuple(
+            (where(rejected, alone, of_x), where(rejected, 0.0, of_v))
+            for (of_x, of_v), (alone,) in zip(gain, coasting.gain, strict=True)
+        )
+        return replace(gates, speed=replace(gate, rejected=rejected)), gain, predicted
 
     def _output_type(self) -> type[SelfCalibratingEstimate]:
         drums = self.drums
+        if self.trust.false_alarm:
+            return GatedEstimate
         if present(drums.delay):
             return LateEstimate
         return SiteEstimate if any(map(present, (drums.give, drums.sag, drums.wheel))) else SelfCalibratingEstimate
@@ -341,7 +455,11 @@ class SelfCalibratingKalman(Estimator):
         # rest in a known position counts as many readings; it sets the encoder, not the predicted position
         weight = where(resting, (reading.deviation / self.drums.tare) ** 2, 1.0)
         position_reading = Reading(
-            where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight
+            where(resting, x, reading.x),
+            either(resting, reading.alive),
+            reading.deviation,
+            weight,
+            either(resting, reading.trusted) if self.trust.false_alarm else 1.0,
         )
         known, position = calibrate(known, drum, position_reading, self.drums, self.trust, sample_time, due)
         return known, replace(position, shift=where(resting, 0.0, position.shift))

@@ -160,6 +160,7 @@ class Mark(Enum):
     HELD = "a signal that is constant from one sample to the next"
     BOOKKEEPING = "a state without effect while sensors are perfect and no vortices are shed"
     INTERVAL = "the number of samples between updates of a slow part; analysis of the loop takes 1"
+    GATE = "rejects measurements, at zero none; analysis of the loop takes 0"
     PHASE = "a state that counts samples: a slow part is updated where it is 0; nothing else depends on it"
     LEARNT = "an estimate of the machine's constants, converging over thousands of samples; held in linearised loops"
 
