@@ -45,14 +45,26 @@ POSITION_NOISE = "controller.kalman.position_noise"
 
 
 def default_estimator(ensemble: Ensemble) -> str:
-    """The kind of filter for noisy sensors and uncertain ropes, or also for uncertain drums (`POSITIONS`)."""
-    return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else CALIBRATING
+    """The kind of filter for noisy sensors and uncertain ropes, or also for uncertain drums (`POSITIONS`) and sag.
+
+    The former knows ropes by their compliance alone, and takes the length of their sag for a position error.
+    """
+    return "self-calibrating-kalman" if uncertain_drums(ensemble) or sags(ensemble.experiment.plant) else CALIBRATING
+
+
+def uncertain_drums(ensemble: Ensemble) -> bool:
+    """Whether drums, encoder zeros or the position sensor are uncertain."""
+    return _uncertain(ensemble, POSITIONS)
+
+
+def sags(plant: Plant) -> bool:
+    """Whether a rope has weight, so that it sags between rollers."""
+    return any(present(side.rope.submerged_weight) for side in plant.sides)
 
 
 def default_coordination(ensemble: Ensemble) -> str | None:
     """The kind that shares fast forces in proportion to the tensions, where ropes sag; else ``None``: no change."""
-    sags = any(present(side.rope.submerged_weight) for side in ensemble.experiment.plant.sides)
-    return ProportionalTension.kind if sags else None
+    return ProportionalTension.kind if sags(ensemble.experiment.plant) else None
 
 
 def default_reserve(ensemble: Ensemble) -> float:

@@ -26,7 +26,6 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import (
-    CALIBRATING,
     DAMPING,
     POSITION_NOISE,
     RESERVE,
@@ -35,8 +34,10 @@ from dualwinch.tuning.baseline import (
     default_estimator,
     default_reserve,
     further_gains,
+    sags,
     starting_gains,
     swings,
+    uncertain_drums,
     undamped,
 )
 from dualwinch.tuning.constraints import (
@@ -76,9 +77,9 @@ def tuning_problem(
     """Make a tuning problem for `dualwinch.tune` from the arguments of the command ``dualwinch tune``.
 
     With an ensemble the estimator is the calibrating Kalman filter, since sensors are noisy and ropes differ from the
-    nominal ones. Where drums, encoder zeros or the position sensor are uncertain, as in ``rig``, it is the
-    self-calibrating filter. Where drums swing on their ropes (`dualwinch.tuning.baseline.swings`), with an ensemble or
-    without, fast force is shared by tension, and gains start from values for such machines. Parts and gains that a
+    nominal ones. Where drums, encoder zeros or the position sensor are uncertain, as in ``rig``, or ropes sag, it is
+    the self-calibrating filter. Where drums swing on their ropes (`dualwinch.tuning.baseline.swings`), with an ensemble
+    or without, fast force is shared by tension, and gains start from values for such machines. Parts and gains that a
     file or a setting names stay as they are, and so does a whole `experiment`. `TuningProblem.choices` names what was
     chosen.
 
@@ -192,8 +193,12 @@ def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collect
     where = f"in '{ensemble.name}'" if ensemble.distributions else f"on {ensemble.name}"
     if ESTIMATOR not in named:
         parts[ESTIMATOR] = usual = default_estimator(ensemble)
-        misled = "" if usual == CALIBRATING else ", encoder zeros, drums or the position sensor are not exact"
-        reason = f"{where} sensors are noisy{misled}" if ensemble.distributions else SWINGING
+        reasons = ["sensors are noisy"]
+        if uncertain_drums(ensemble):
+            reasons.append("encoder zeros, drums or the position sensor are not exact")
+        if sags(ensemble.experiment.plant):
+            reasons.append("ropes sag")
+        reason = f"{where} {', '.join(reasons)}" if ensemble.distributions else SWINGING
         chosen.append(f"estimator {usual}: none is named, and {reason}")
     if (sharing := default_coordination(ensemble)) and COORDINATION not in named:
         parts[COORDINATION] = sharing

@@ -135,7 +135,7 @@ def test_a_heavy_machine_without_an_ensemble_starts_so_too(tmp_path: Path) -> No
     problem = tuning_problem(config=mine)
     found = leaves(problem.experiment)
     assert found[DAMPING] == pytest.approx(matched_damping(load(mine), 1))
-    assert (found["controller.estimator"], found[KIND]) == ("calibrating-kalman", "proportional-tension")
+    assert (found["controller.estimator"], found[KIND]) == ("self-calibrating-kalman", "proportional-tension")
     assert len(problem.choices) == 3
     assert "controller.nftsm.smoothing" in problem.space.names
     light = tuning_problem(case=4)
@@ -174,7 +174,7 @@ def test_config_prints_the_start_for_a_machine(tmp_path: Path, capsys: pytest.Ca
     mine.write_text(HEAVY)
     main(["config", "--config", str(mine), "--start"])
     printed = capsys.readouterr().out
-    assert printed.startswith("# estimator calibrating-kalman: none is named, and ")
+    assert printed.startswith("# estimator self-calibrating-kalman: none is named, and ")
     start.write_text(printed)
     problem = tuning_problem(config=mine)
     assert load(start) == problem.experiment
@@ -182,3 +182,14 @@ def test_config_prints_the_start_for_a_machine(tmp_path: Path, capsys: pytest.Ca
     assert tuning_problem(config=start).experiment == problem.experiment
     main(["config", "--ensemble", "site", "--start"])
     assert loads(capsys.readouterr().out) == tuning_problem(ensemble="site").experiment
+
+
+def test_where_ropes_sag_the_filter_knows_it(tmp_path: Path) -> None:
+    ropes = "".join(
+        f"[plant.rope_{number}]\narea = 7e-4\nmodulus = 1.1e11\nmass_per_length = 6.3\nsubmerged_weight = 61.8\n"
+        for number in (1, 2)
+    )
+    (mine := tmp_path / "ferry.toml").write_text(f"[plant.track]\nlength = 220.0\n{ropes}")
+    problem = tuning_problem(config=mine, ensemble="sea")
+    assert problem.experiment.controller.estimator.kind == "self-calibrating-kalman"
+    assert "in 'sea' sensors are noisy, ropes sag" in problem.choices[0]
