@@ -22,8 +22,8 @@ TUNED_IN, NO_ENSEMBLE = "ensemble", "none"
 """Key of the ensemble at the head of a file of tuned gains, and its value for gains tuned in a single run."""
 
 
-HEADING = ("name", "description")
-"""Keys of the table ``[ensemble]``."""
+HEADING = ("name", "description", "base")
+"""Keys of the table ``[ensemble]``; `base` names the ensemble whose values and distributions a file continues."""
 
 
 def built_in_ensembles() -> dict[str, Path]:
@@ -93,8 +93,9 @@ def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble
         if key in table:
             with source.located(key):
                 raise ConfigurationError(f"{key}: belongs below a line [ensemble]")
-    experiment = from_table(table, source, base or Experiment())
-    distributions: dict[str, Drawn] = {}
+    continued = load_ensemble(heading["base"], base) if "base" in heading else None
+    experiment = from_table(table, source, continued.experiment if continued else base or Experiment())
+    distributions = dict(continued.distributions) if continued else dict[str, Drawn]()
     for key, entry in _entries(entries):
         with source.located(f"distributions.{key}"):
             distributions[current(key)] = drawn_from(current(key), _located(key, entry, source), experiment)

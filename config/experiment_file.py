@@ -20,7 +20,8 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.model.reference import KEYS_OF_KIND, cruise_speed
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metric import METRICS, Metric
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.recovery import METRICS
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.settings import (
     check_reference_keys,

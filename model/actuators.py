@@ -1,6 +1,8 @@
 """Actuators: from the torque command of a motor to its torque.
 
-The torque of the built-in `Motor` follows the command u with a first-order lag and a rate limit. While u is held,
+The torque of the built-in `Motor` follows the command u with a first-order lag and a rate limit. The command is limited
+to what the drive can give: a constant torque up to the base speed and a constant power above it, where its voltage ends
+(field weakening; Leonhard, Control of Electrical Drives, 3rd ed., 2001). While u is held,
 ``d torque/dt = clip((u − torque)/time_constant, −rate_limit, rate_limit)``. The lag is solved exactly from sample to
 sample, including the end of rate limiting; the plant gets the mean torque of the sample, which conserves momentum.
 """
@@ -13,9 +15,9 @@ import annotated_types as at
 
 from dualwinch.model.plant import Plant, PlantState, Torques
 from dualwinch.model.quantities.part import NoState, Part, Registry
-from dualwinch.model.quantities.quantity import Positive, Quantity
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.quantities.steps import stepped_to_number
-from dualwinch.model.scalar import Scalar, absolute, clip, tanh, where
+from dualwinch.model.scalar import Scalar, absolute, clip, maximum, present, tanh, where
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,17 @@ class Motor(Actuator):
         float | None, at.Gt(0), Quantity("N m/s", "fastest change of the torque (default: no limit)", "assumption")
     ] = None
 
+    torque_limit: Annotated[
+        NonNegative,
+        Quantity("N m", "largest torque, up to the base speed; 0: no limit", "data sheet, assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    base_speed: Annotated[
+        NonNegative,
+        Quantity("rad/s", "shaft speed above which the power is constant; 0: the torque is", "data sheet, assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+
     kind: ClassVar = "motor"
     label: ClassVar = "motor with lag"
 
@@ -110,18 +123,34 @@ class Motor(Actuator):
 
     def step(self, state: MotorState, demand: Demand, sample_time: Scalar) -> tuple[MotorState, Scalar]:
         """Torque at the next sample, and its mean until then."""
-        shortfall = demand.torque - state.torque
+        command = self.available(demand)
+        shortfall = command - state.torque
         if self.rate_limit is None:
             decay, passed = _decay(sample_time / self.time_constant)
             mean_left = passed * self.time_constant / sample_time
-            return MotorState(demand.torque - decay * shortfall), demand.torque - mean_left * shortfall
+            return MotorState(command - decay * shortfall), command - mean_left * shortfall
         size, sign = absolute(shortfall), where(shortfall < 0, -1.0, 1.0)
         # at the rate limit first, until the lag alone is slower
         limited = clip(size / self.rate_limit - self.time_constant, 0.0, sample_time)
         then = size - self.rate_limit * limited
         decay, passed = _decay((sample_time - limited) / self.time_constant)
         missed = limited * (size + then) / 2 + then * self.time_constant * passed  # integral of what is missing
-        return MotorState(demand.torque - sign * decay * then), demand.torque - sign * missed / sample_time
+        return MotorState(command - sign * decay * then), command - sign * missed / sample_time
+
+    def available(self, demand: Demand) -> Scalar:
+        """The demanded torque in N m, limited to what the drive can give at the speed of the shaft.
+
+        Example:
+            >>> motor = Motor(torque_limit=133.0, base_speed=60.0)
+            >>> [motor.available(Demand(torque=150.0, angle=0.0, speed=speed)) for speed in (50.0, 80.0)]
+            [133.0, 99.75]
+        """
+        if not present(self.torque_limit):
+            return demand.torque
+        most = self.torque_limit
+        if present(self.base_speed):
+            most = most * self.base_speed / maximum(absolute(demand.speed), self.base_speed)
+        return clip(demand.torque, -most, most)
 
 
 def _decay(time: Scalar) -> tuple[Scalar, Scalar]:

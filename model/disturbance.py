@@ -1,4 +1,4 @@
-"""Disturbances of the vehicle: vortex shedding, ambient current, changing load on the rail, and a further force.
+"""Disturbances: vortex shedding, ambient current, changing load on the rail, a further force, and overloads.
 
 Current and rail load may be random (Gauss–Markov), given as signals, or the sum of both.
 """
@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from dualwinch.model.overloads import Dropout, Payload, Push
 from dualwinch.model.quantities.description import slots
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, sin
@@ -58,6 +59,10 @@ class Disturbance:
         Mark.DRAWN_AHEAD,
         Mark.SHAPE_PARAMETER,
     ] = 5.0
+    push: Push = field(default_factory=Push)
+    payload: Payload = field(default_factory=Payload)
+    dropout_1: Dropout = field(default_factory=Dropout)
+    dropout_2: Dropout = field(default_factory=Dropout)
     force: Annotated[Signal, Quantity("N", "force on the vehicle along the track")] = field(default_factory=Signal)
     current: Annotated[Signal, Quantity("m/s", "ambient current along the track")] = field(default_factory=Signal)
     normal_force_variation: Annotated[Signal, Quantity("N", "change of the force on the rail")] = field(

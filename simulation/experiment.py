@@ -14,8 +14,9 @@ from dualwinch.model.quantities.part import PartChoice
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule
 from dualwinch.model.quantities.tree import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
-from dualwinch.simulation.metrics.metric import METRICS, Metric
+from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import checked_metrics
+from dualwinch.simulation.metrics.recovery import METRICS
 from dualwinch.simulation.sensors import Sensors
 
 IntegratorName: TypeAlias = Literal["adaptive", "exponential", "rk4", "verlet"]

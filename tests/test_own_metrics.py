@@ -198,7 +198,9 @@ def test_files_name_them(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text(text)
     assert dw.load(path, dw.case(4, metrics=OWN[::-1])) == EXPERIMENT
-    with pytest.raises(ConfigurationError, match=r"own\.toml.*: unknown metric 'last_beyond'; there is none "):
+    with pytest.raises(
+        ConfigurationError, match=r"own\.toml.*: unknown metric 'last_beyond'; must be one of recovery "
+    ):
         dw.load(path)
     for part in (LastBeyond, PullSpread, Room):
         dw.register(part)

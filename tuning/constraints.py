@@ -136,6 +136,8 @@ NONE = "none"
 
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
 NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"
+RECOVERS = "worst.slack_share<=0.1%", "worst.peak_tension<=1.25*controller.coordination.tension_max"
+"""Where overloads are drawn: a rope may be slack during a push, for 50 ms of a run of 50 s, but not after it."""
 QUIET = "mean.chatter<=0.25*paper"
 NO_LOUDER = "mean.chatter<=1*paper"
 NO_MORE_SATURATED = "mean.saturated_share<=1*paper"
@@ -225,7 +227,13 @@ class Constraint:
 
 
 def default_constraints(
-    ensemble: bool, *, lag: bool = False, swinging: bool = False, resonance: bool = False, own: bool = False
+    ensemble: bool,
+    *,
+    lag: bool = False,
+    swinging: bool = False,
+    resonance: bool = False,
+    own: bool = False,
+    overloads: bool = False,
 ) -> tuple[str, ...]:
     """No slack rope, no peak beyond the limit, less chatter than the paper's, stability margins, a damped resonance.
 
@@ -239,17 +247,19 @@ def default_constraints(
     without noise they would be those of infinitely small motions. Where drums swing, they are computed at rest only,
     the delay margin has a smaller bound, and the margin of the drums' resonance is bounded, too, if its rule applies to
     the law (`resonance`). In an ensemble of one's own (`own`), chatter and load are bounded by multiples of those of
-    the gains that the search starts from.
+    the gains that the search starts from. Where overloads are drawn, the bounds of the tensions are those of a recovery
+    (`RECOVERS`).
     """
+    tensions = RECOVERS if overloads else (NO_SLACK, NO_PEAK)
     robust = ROBUST_AT_REST if swinging else ROBUST
     damped = (*(robust if ensemble else ()), *((DAMPED,) if resonance else ()))
     if ensemble and own:
-        return NO_SLACK, NO_PEAK, NO_LOUDER_THAN_START, NO_HEAVIER_THAN_START, *damped
+        return *tensions, NO_LOUDER_THAN_START, NO_HEAVIER_THAN_START, *damped
     if ensemble and lag:
-        return NO_SLACK, NO_PEAK, NO_LOUDER, STIFFER if swinging else NO_HEAVIER, *damped
+        return *tensions, NO_LOUDER, STIFFER if swinging else NO_HEAVIER, *damped
     if ensemble:
-        return NO_SLACK, NO_PEAK, QUIET, *damped
-    return NO_SLACK, NO_PEAK, NO_LOUDER, NO_MORE_SATURATED, *damped
+        return *tensions, QUIET, *damped
+    return *tensions, NO_LOUDER, NO_MORE_SATURATED, *damped
 
 
 def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:

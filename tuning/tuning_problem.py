@@ -21,6 +21,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.overloads import SIZES
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -148,6 +149,7 @@ def tuning_problem(
         swinging=swinging,
         resonance=swinging and isinstance(base.controller.law, SLIDING_MODE),
         own=drawn is not None and drawn.name not in built_in_ensembles(),
+        overloads=any(leaves(base).get(key) or (drawn and key in drawn.distributions) for key in SIZES),
     )
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)

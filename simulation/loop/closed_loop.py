@@ -21,6 +21,7 @@ from dualwinch.controllers.controller import (
 from dualwinch.model.actuators import NoState, drive, is_ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.motions import no_departures, previewed
+from dualwinch.model.overloads import loaded_vehicle, push_force, remaining_torque
 from dualwinch.model.plant import (
     DisturbanceInputs,
     Plant,
@@ -315,7 +316,8 @@ def closed_loop(
     winches = output.winches
     sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
-    arriving = Torques(*(quantise(torque, values["simulation.torque_step"]) for torque in queue[:2]))
+    rounded = (quantise(torque, values["simulation.torque_step"]) for torque in queue[:2])
+    arriving = remaining_torques(t, Torques(*rounded), parts.disturbance)
     actuators, torques = drive(
         (state.actuator_1, state.actuator_2), arriving, plant_state, plant, actuator, sample_time
     )
@@ -334,7 +336,7 @@ def closed_loop(
             hold = replace(hold, force=0.0)
         return problem_of(hold, sample_time, plant, parts.disturbance)
 
-    environment = problem(hold).environment_at(hold.t, plant_state.v, state.motion.phase)
+    posed = problem(hold)
     row = row_of(
         t=hold.t,
         state=plant_state,
@@ -342,8 +344,8 @@ def closed_loop(
         reference=reference,
         bias=sensors.position_bias,
         output=output,
-        environment=environment,
-        plant=plant,
+        environment=posed.environment_at(hold.t, plant_state.v, state.motion.phase),
+        plant=posed.plant,
         nominal=nominal,
         torques=None if is_ideal(actuator) else hold.torques,
         measurement=measurement if structure.readings else None,
@@ -467,14 +469,26 @@ def zero_order_hold(structure: LoopStructure, *, duration: Scalar = 0.0, **input
 
 
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
-    """The integration problem from one sample to the next, `duration` s later unless the hold gives its own."""
+    """The integration problem from one sample to the next, `duration` s later unless the hold gives its own.
+
+    The force includes that of a push, the vehicle its payload.
+    """
+    force = hold.force + push_force(hold.t, disturbance.push)
     return Problem(
         t=hold.t,
         duration=hold.duration if isinstance(hold, JitteringHold) else duration,
         torques=hold.torques,
-        environment=DisturbanceInputs(hold.force, hold.current, hold.normal_force_variation),
+        environment=DisturbanceInputs(force, hold.current, hold.normal_force_variation),
         disturbance=disturbance,
-        plant=plant,
+        plant=replace(plant, vehicle=loaded_vehicle(hold.t, plant.vehicle, disturbance.payload)),
+    )
+
+
+def remaining_torques(t: Scalar, torques: Torques, disturbance: Disturbance) -> Torques:
+    """Torque commands in N m that dropouts of the drives leave at a time in s."""
+    return Torques(
+        remaining_torque(t, torques.tau_1, disturbance.dropout_1),
+        remaining_torque(t, torques.tau_2, disturbance.dropout_2),
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.figures import FigureColumn
-from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Quantity, is_array
 from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tables import readable_unit
@@ -109,10 +109,6 @@ class Metric(Part):
             A number, or an array of the same shape.
         """
         return state
-
-
-METRICS: Registry[Metric] = Registry("metric", base=Metric)
-"""Registered figures of merit by kind; the built-in ones are always available (`Metrics`)."""
 
 
 PREFIX = "metrics."

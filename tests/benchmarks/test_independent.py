@@ -45,6 +45,33 @@ def test_in_a_calm_sea_it_goes_where_simulate_says(paper: Judge) -> None:
     assert ours.chatter == pytest.approx(theirs.chatter, rel=1e-5)
 
 
+OVERLOADS = {
+    "disturbance.push.force": -4e3,
+    "disturbance.push.start": 10.0,
+    "disturbance.payload.mass": 0.1,
+    "disturbance.payload.drag": 0.1,
+    "disturbance.dropout_2.share": 1.0,
+    "disturbance.dropout_2.start": 35.0,
+    "actuator.kind": "motor",
+    "actuator.motor.time_constant": 1e-7,
+    "actuator.motor.torque_limit": 120.0,
+    "actuator.motor.base_speed": 75.0,
+}
+
+
+def test_overloads_throw_it_off_as_they_do_in_the_product(paper: Judge) -> None:
+    sea = replace(load_ensemble("sea").experiment, controller=paper_controller())
+    theirs = simulate(override(sea, CALM | OVERLOADS)).metrics
+    effects = {"push_force": 4e3, "push_start": 10.0, "payload_mass": 0.1, "payload_drag": 0.1}
+    effects |= {"dropout_start_2": 35.0, "dropout_length_2": 0.1, "most_torque": 120.0, "base_speed": 75.0}
+    ours = paper.run(Conditions(spread=0, imperfect=0, noisy=False, outage_length=0), [1], lambda _: effects)
+    assert theirs.max_abs_error > 0.01
+    assert ours.mse == pytest.approx(theirs.mse, rel=1e-5)
+    assert ours.largest_error == pytest.approx(theirs.max_abs_error, rel=1e-5)
+    assert ours.peak_tension == pytest.approx(theirs.peak_tension, rel=1e-5)
+    assert ours.min_tension == pytest.approx(theirs.min_tension, rel=1e-4)
+
+
 def test_a_log_has_what_a_data_logger_records(paper: Judge) -> None:
     drawn, rows = paper.log(Conditions(imperfect=0.0, outage_length=0.0), 1, gains_of(1), every=1000)
     assert rows.shape == (50, len(LOGGED))

@@ -41,7 +41,7 @@ def entries(text: str) -> dict[str, str]:
     found, table = {}, ""
     for line in text.splitlines():
         if line.startswith("["):
-            table = line.strip("[]")
+            table = line.split("]")[0].strip("[")
         elif " = " in line:
             found[f"{table}.{line.removeprefix('# ').split(' ')[0]}".removeprefix(".")] = line
     return found

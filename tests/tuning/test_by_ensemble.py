@@ -193,3 +193,14 @@ def test_where_ropes_sag_the_filter_knows_it(tmp_path: Path) -> None:
     problem = tuning_problem(config=mine, ensemble="sea")
     assert problem.experiment.controller.estimator.kind == "self-calibrating-kalman"
     assert "in 'sea' sensors are noisy, ropes sag" in problem.choices[0]
+
+
+def test_where_overloads_are_drawn_the_tensions_of_their_recovery_are_bounded() -> None:
+    usual, overloaded = (tuning_problem(ensemble=name).constraints for name in ("site", "overload"))
+    assert [constraint.label for constraint in overloaded][:2] == [
+        "worst.slack_share <= 0.001",
+        "worst.peak_tension <= 7500 N",
+    ]
+    assert [constraint.label for constraint in overloaded][2:] == [constraint.label for constraint in usual][2:]
+    pushed, *_ = tuning_problem(case=4, settings=["disturbance.push.force=2e3"]).constraints
+    assert pushed.label == overloaded[0].label

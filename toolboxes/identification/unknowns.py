@@ -39,6 +39,9 @@ NOT_FITTED = (
 )  # fmt: skip
 """Parameters of noise and quantisation: they are part of R, or have no effect on the predictions."""
 
+OVERLOADS = ("disturbance.push.", "disturbance.payload.", "disturbance.dropout_")
+"""Prefixes of parameters of single events, which are no properties of the machine."""
+
 STROUHAL, AMPLITUDE = "disturbance.strouhal", "disturbance.vortex_amplitude"
 
 LOAD_CELL_LAG = "sensors.load_cell_time_constant"
@@ -125,7 +128,9 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
         if key.startswith(PREFIXES) and Mark.SHAPES_CODE_AT_ZERO in leaf.marks and not values[key]
     }
     known = [
-        key for key in parameter_names(structure) if key.startswith(PREFIXES) and key not in {*NOT_FITTED, *switches}
+        key
+        for key in parameter_names(structure)
+        if key.startswith(PREFIXES) and not key.startswith(OVERLOADS) and key not in {*NOT_FITTED, *switches}
     ]
     found: dict[str, None] = {}
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
