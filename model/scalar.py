@@ -127,6 +127,12 @@ def rounded(value: Scalar) -> Scalar:
     return ca.floor(value + 0.5)
 
 
+def is_odd(number: Scalar) -> Scalar:
+    """Whether a whole number is odd; CasADi 3.7.0 has no ``%``."""
+    half = number / 2
+    return (np.floor(half) if isinstance(half, np.ndarray) else ca.floor(half)) != half
+
+
 def quantise(value: Scalar, step: Scalar) -> Scalar:
     """The value rounded to a multiple of `step`; unchanged where the step is 0."""
     return value + where(step > 0, step * rounded(value / maximum(step, 1e-100)) - value, 0.0)

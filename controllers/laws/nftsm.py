@@ -27,7 +27,7 @@ from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, Tunable, TunableRatio
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, clip, power, present
+from dualwinch.model.scalar import Scalar, clip, is_odd, power, present
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class NftsmGains:
     ] = 0.0
 
     rules: ClassVar = (
-        Rule(("p",), lambda gains: gains.p % 2 == 1, lambda *_: "must be odd"),
-        Rule(("q",), lambda gains: gains.q % 2 == 1, lambda *_: "must be odd"),
+        Rule(("p",), lambda gains: is_odd(gains.p), lambda *_: "must be odd"),
+        Rule(("q",), lambda gains: is_odd(gains.q), lambda *_: "must be odd"),
         Rule(("p", "q"), lambda gains: gains.p > gains.q, lambda gains, table: f"must be > {table}q = {gains.q}"),
     )
 

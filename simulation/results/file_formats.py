@@ -97,7 +97,8 @@ def _write_csv(content: FileContent, path: Path) -> None:
     text = json.dumps(_csv_metadata(content, path.name), indent=2, allow_nan=False)
     with atomic(path) as unfinished:
         with unfinished.open("wb") as file:  # of a path, the library wants it to be UTF-8
-            csv.write_csv(table, file, csv.WriteOptions(quoting_style="none", quoting_header="none"))
+            file.write((",".join(table.column_names) + "\n").encode())
+            csv.write_csv(table, file, csv.WriteOptions(include_header=False, quoting_style="none"))
         write_whole(metadata_path(path), text + "\n")
 
 
