@@ -43,13 +43,20 @@ ALSO_WORDS = frozenset(["min"])
 DIMENSIONLESS = frozenset(["", "-", "1"])
 """Texts in place of a unit that mean a pure number."""
 
-DAY = 86400.0
-"""A day in s."""
+DAY, HOUR = 86400.0, 3600.0
+"""A day and an hour in s."""
+
+CLOCK = r"(?:(\d+) days?,? \+?)?(\d+):(\d\d):(\d\d(?:[.,]\d+)?)"
+MINUTES = r"()()(\d+):(\d\d[.,]\d+)"
+"""A time of day or a duration, also with days; and minutes with seconds, which have a fraction."""
 
 SAMPLE = 200
 """Number of lines from which separator and header are recognised."""
 
-STAMPS = "2024-12-31T23:59:59.9 (ISO 8601), 31.12.2024 23:59:59.9, 12/31/2024 23:59:59.9 or 23:59:59.9"
+STAMPS = (
+    "2024-12-31T23:59:59.9 (ISO 8601), 31.12.2024 23:59:59.9, 12/31/2024 23:59:59.9, 23:59:59.9, 59:59.9 or "
+    "1 days 23:59:59.9"
+)
 """Accepted forms of time stamps."""
 
 DECIMALS = {mark: rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?" for mark in ".,"}
@@ -167,11 +174,13 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
         raise ConfigurationError(f"{path}: is empty")
     widths = Counter(len(row) for _, row in islice(rows, SAMPLE))
     usual = max(widths, key=lambda width: (widths[width], width))
-    early = enumerate(islice(rows, SAMPLE))
-    first = next((number for number, (_, row) in early if _width(row, usual) == usual and not _is_data(row)), 0)
-    header = [cell.strip() for cell in rows[first][1][: _width(rows[first][1], usual)]]
-    header[:1] = [each.lstrip("#% ") or each for each in header[:1]]
-    rows = rows[first + 1 :]
+    first = _header_row([row for _, row in islice(rows, SAMPLE)], usual)
+    if first is None:  # columns are named by their numbers
+        header = [str(number) for number in range(1, usual + 1)]
+    else:
+        header = [cell.strip() for cell in rows[first][1][: _width(rows[first][1], usual)]]
+        header[:1] = [each.lstrip("#% ") or each for each in header[:1]]
+        rows = rows[first + 1 :]
     cut = _cut_end(rows, len(header), separator, ended=text.endswith(("\n", "\r")))
     units = _units_below(rows, len(header))
     for line, row in rows:
@@ -211,6 +220,29 @@ def _rows(text: str, separator: str, path: Path) -> list[tuple[int, list[str]]]:
     except csv.Error as error:
         raise ConfigurationError(f'{path}: line {line}: {error}; is a quote (") not closed?') from error
     return rows
+
+
+def _header_row(rows: Sequence[Sequence[str]], usual: int) -> int | None:
+    """The header: the first row of texts of those right above the run of numbers; None: there is none.
+
+    Rows below it may hold words and units. Rows of names and numbers, as of a logger's settings, are above it. Where no
+    row has numbers or gaps alone, it is the first row of texts.
+    """
+    wide = [number for number, row in enumerate(rows) if _width(row, usual) == usual]
+    run = next((number for number in wide if _is_numeric(rows[number])), None)
+    text = [number for number in wide if not _is_data(rows[number]) and (run is None or number < run)]
+    if run is None or not text:
+        return None if run is not None and run == wide[0] else next(iter(text), 0)
+    cells = {number: [cell for cell in rows[number] if cell.strip() not in DIMENSIONLESS] for number in wide}
+    settings = max((number for number in wide if number < run and _is_data(cells[number])), default=-1)
+    names = [number for number in text if 2 * sum(map(bool, map(str.strip, rows[number]))) > usual]
+    return next((number for number in names if number > settings), text[-1])
+
+
+def _is_numeric(row: Sequence[str]) -> bool:
+    """Whether a row has numbers, time stamps and gaps alone, most of them no gaps."""
+    filled = [cell for cell in row if cell.strip().lower() not in GAPS]
+    return 2 * len(filled) > len(row) and all(_is_data([cell]) for cell in filled)
 
 
 def _width(row: Sequence[str], usual: int) -> int:
@@ -303,6 +335,8 @@ def _decoded(path: Path) -> str:
             continue
         if "\0" not in text:
             return text
+        line = text[: text.index("\0")].count("\n") + 1
+        raise ConfigurationError(f"{path}: line {line}: has NUL bytes, as of a block that was never written; remove it")
     raise ConfigurationError(f"{path}: not UTF-8, UTF-16 or Latin-1 text")
 
 
@@ -373,6 +407,9 @@ def _stamp(cell: str, *, day_first: bool = False) -> float | None:
         first, second = int(parts[1]), int(parts[3])
         month, day = (first, second) if parts[2] == "/" and not day_first else (second, first)
         cell = f"{parts[4]}-{month:02}-{day:02}T{parts[5]}"
+    if parts := re.fullmatch(CLOCK, cell) or re.fullmatch(MINUTES, cell):
+        days, hours, minutes, seconds = (float((part or "0").replace(",", ".")) for part in parts.groups())
+        return days * DAY + hours * HOUR + minutes * 60 + seconds
     cell = re.sub(r"^(\d{4})/(\d\d)/", r"\1-\2-", cell)
     for text in (cell, f"1970-01-01T{cell}") if ":" in cell else ():
         try:
@@ -400,9 +437,11 @@ def _numbers(cells: Sequence[str], mark: str) -> tuple[Floats, list[int], bool]:
         # the order with fewer invalid dates, else with the smaller span
         if (len(no_dates), _span(day_first)) < (len(words), _span(values)):
             values, words = day_first, no_dates
-    if stamps and np.nanmax(values) < DAY:  # times of day, which restart at midnight
+    minutes = all(re.fullmatch(MINUTES, cells[row].strip()) for row in filled)
+    period = HOUR if minutes else DAY
+    if stamps and np.nanmax(values) < period:  # times of day, which restart at midnight, or of an hour
         known = np.isfinite(values)
-        values[known] += DAY * np.cumsum(np.diff(values[known], prepend=0.0) < -DAY / 2)
+        values[known] += period * np.cumsum(np.diff(values[known], prepend=0.0) < -period / 2)
     return values, words, stamps
 
 

@@ -110,6 +110,10 @@ def read_parquet(path: Path) -> list[TableColumn]:
         name, header_unit = (field.name, unit) if unit else split_header(field.name)
         if stamps:
             values = values.cast(pa.timestamp("ns", field.type.tz)).cast(pa.int64())  # noqa: PLW2901
+        elif pa.types.is_duration(field.type):
+            values, unit = values.cast(pa.duration("ns")).cast(pa.int64()), "ns"  # noqa: PLW2901
+            columns.append(TableColumn.of_numbers(field.name, field.name, unit, np.array(values.to_numpy(), float)))
+            continue
         elif not (pa.types.is_integer(field.type) or pa.types.is_floating(field.type)):
             columns.append(TableColumn(field.name, name, header_unit, np.zeros(0), content=str(field.type)))
             continue

@@ -210,6 +210,8 @@ def check_columns(source: str, found: Iterable[str], columns: Iterable[str] = ()
     words = "must have a position or an encoder: x, theta_1 or theta_2"
     words = words if missing == positions else f"{missing[0]}: no such column"
     hint = f"; name it with --column {missing[0]}=NAME; it has" if columns else "; it has"
+    if columns and all(name.isdecimal() for name in columns):
+        hint = f"; the file has no header, name columns by number, --column {missing[0]}=1; it has"
     for name in missing if missing == positions else missing[:1]:
         near = difflib.get_close_matches(name.lower(), spare, n=1, cutoff=0.4)
         if near:
@@ -224,7 +226,7 @@ def listed(columns: Iterable[str], most: int = 12) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
-TIMES = ("t", "time", "Time", "TIME", "timestamp", "Timestamp")
+TIMES = ("t", "time", "Time", "TIME", "timestamp", "Timestamp", "timestamps", "__index_level_0__", "X_Value")
 """Names of the column of times."""
 
 SAME_TIME = 1e-3
@@ -278,7 +280,8 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
 
     Args:
         file: its path.
-        columns: reading → its column (`column_map`), if it has another name, another unit or its own times.
+        columns: reading → its column (`column_map`), by its name or its number from 1, if it has another name, another
+            unit or its own times; for ``t`` also a fixed step, such as ``1ms`` or ``500Hz``, or a sum ``sec+nanosec``.
         csv: separator and decimal mark of a CSV file, such as ``;,``; default: detected.
 
     Raises:
@@ -286,6 +289,8 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     """
     path, columns = Path(file), columns or {}
     table = read_columns(path, csv)
+    if computed_times := _computed_times(columns.get("t", ""), table, path):
+        table, columns = [*table, computed_times], {**columns, "t": computed_times.header}
     chosen = _chosen(table, columns, path)
     check_columns(str(path), chosen, [each.header for each in table if not each.content], ("t",))
     notes = [f"{path.name}: line {table[0].cut}: is incomplete, left out"] if table[0].cut else list[str]()
@@ -293,9 +298,10 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     times = {reading: _own_times(table, each, chosen["t"]) or chosen["t"].column for reading, each in chosen.items()}
     used = {id(each.column): (reading, each.column) for reading, each in chosen.items()}
     used |= {id(column): ("t", column) for column in times.values()}
+    summed = [part.strip().partition(":")[0] for part in chosen["t"].column.header.split("+")]
     for reading, column in used.values():
-        notes += _without_number(reading, column, path)
-    notes += _unused(path.name, [each for each in table if id(each) not in used], chosen)
+        notes += _without_number(reading, column, path, csv)
+    notes += _unused(path.name, [each for each in table if id(each) not in used and each.header not in summed], chosen)
     seconds: dict[tuple[int, str | None], Floats] = {(id(times["t"]), None): values["t"]}
     for reading, column in times.items():
         which = id(column), chosen[reading].times_unit
@@ -307,6 +313,36 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     return Log(merged.pop("t"), merged, path.name, tuple(notes))
 
 
+FIXED = r"([\d.]+(?:[eE][+-]?\d+)?)\s*(s|ms|us|µs|Hz|kHz)"
+"""A sample time or a rate in place of a column of times."""
+
+
+def _computed_times(text: str, table: Sequence[csv_files.TableColumn], path: Path) -> csv_files.TableColumn | None:
+    """Times that are no column of the file: at a fixed step, such as ``1ms`` or ``500Hz``, or a sum ``sec+nanosec``.
+
+    Columns of a sum are in s where no unit is stated, or in ns if their names say ``nano`` or ``nsec``.
+
+    Raises:
+        ConfigurationError: a column of the sum is unknown.
+    """
+    if not text or _found(table, text, path):
+        return None
+    rows = max((len(each.values) for each in table), default=0)
+    if parts := re.fullmatch(FIXED, text.strip()):
+        value, unit = float(parts[1]), parts[2]
+        step: float = 1 / (value * (1e3 if unit == "kHz" else 1.0)) if unit.endswith("Hz") else value
+        times: Floats = np.arange(rows) * step * (1.0 if unit.endswith("Hz") else physical_units.factor(unit, "s"))
+        return csv_files.TableColumn.of_numbers(text, text, "s", times)
+    if "+" not in text:
+        return None
+    seconds: Floats = np.zeros(rows)
+    for part in text.split("+"):
+        column, unit, *_ = _named(table, part.strip(), path)
+        short = "ns" if re.search(r"nano|nsec|_ns$", column.header, re.IGNORECASE) else "s"
+        seconds = seconds + column.values * physical_units.factor(unit or column.unit or short, "s")
+    return csv_files.TableColumn.of_numbers(text, text, "s", seconds)
+
+
 class LogColumn(NamedTuple):
     """The column of a reading, its named unit, the column of its own times, and their named unit."""
 
@@ -316,7 +352,7 @@ class LogColumn(NamedTuple):
     times_unit: str | None = None
 
 
-def _without_number(reading: str, column: csv_files.TableColumn, path: Path) -> Iterator[str]:
+def _without_number(reading: str, column: csv_files.TableColumn, path: Path, csv: str) -> Iterator[str]:
     """A note on rows with neither a finite number nor a gap.
 
     Raises:
@@ -326,6 +362,8 @@ def _without_number(reading: str, column: csv_files.TableColumn, path: Path) -> 
     if 2 * count > filled + count:
         forms = f"a number, a time stamp as {csv_files.STAMPS}," if reading == "t" else "a number"
         marks = "; --csv SEPARATOR+MARK, e.g. ';,', says the decimal mark"
+        if csv:
+            marks = f"; its marks are not those of --csv {csv}"
         hint = marks if len(column.cells) and csv_files.has_other_mark(column.cells[column.words[0]]) else ""
         raise ConfigurationError(f"{path.name}: {column.at(column.words[0])}: must be {forms} or a gap{hint}")
     if count:
@@ -384,7 +422,7 @@ def _found(table: Sequence[csv_files.TableColumn], name: str, path: Path) -> csv
 
 def _named(table: Sequence[csv_files.TableColumn], text: str, path: Path) -> LogColumn:
     """The column of a text ``COLUMN``, ``COLUMN:UNIT`` or ``COLUMN:UNIT@TIMES:UNIT``; names may have colons."""
-    if whole := _found(table, text, path):
+    if whole := _found(table, text, path) or _numbered(table, text):
         return LogColumn(whole)
     own, _, at = (part.strip() for part in text.rpartition("@"))
     (found, unit), (times, last) = _with_unit(table, own, path), _with_unit(table, at, path)
@@ -409,10 +447,15 @@ def _with_unit(
     table: Sequence[csv_files.TableColumn], text: str, path: Path
 ) -> tuple[csv_files.TableColumn | None, str | None]:
     """The column of a text ``COLUMN`` or ``COLUMN:UNIT``, and the unit."""
-    if found := _found(table, text, path):
+    if found := _found(table, text, path) or _numbered(table, text):
         return found, None
     name, _, unit = (part.strip() for part in text.rpartition(":"))
-    return _found(table, name, path), unit
+    return _found(table, name, path) or _numbered(table, name), unit
+
+
+def _numbered(table: Sequence[csv_files.TableColumn], text: str) -> csv_files.TableColumn | None:
+    """The column of a number from 1, for headers that nobody can type."""
+    return table[int(text) - 1] if text.isdecimal() and 1 <= int(text) <= len(table) else None
 
 
 def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Floats:
@@ -609,6 +652,8 @@ def _matlab(path: Path) -> list[csv_files.TableColumn]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError, matfile_version
 
+    if path.read_bytes()[:100].startswith(b"# Created by Octave"):
+        raise ConfigurationError(f"{path}: is of Octave's text format: save it with save -v7")
     try:
         is_hdf5 = matfile_version(path, appendmat=False)[0] == 2
     except MatReadError as error:
@@ -710,7 +755,7 @@ def _name(header: str) -> tuple[str, str | None]:
     return csv_files.split_header(parts[-1])
 
 
-CSV_SUFFIXES = (".csv", ".txt", ".tsv")
+CSV_SUFFIXES = (".csv", ".txt", ".tsv", ".lvm")
 """Suffixes of CSV files."""
 
 READERS: dict[str, Callable[[Path], list[csv_files.TableColumn]]] = {

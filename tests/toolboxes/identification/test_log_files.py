@@ -1,8 +1,9 @@
 """Logs as data loggers write them: marks, units, time stamps, encodings, gaps, structures, rates, unused columns."""
 
 import gzip
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -208,7 +209,7 @@ def test_a_stated_decimal_mark_decides_where_marks_may_be_between_thousands(
     if read:
         assert read_log(tmp_path / "rig.csv", csv=marks).columns["F1"][5] == 1.105
     else:
-        with pytest.raises(ConfigurationError, match=r"F1 = '1,100': must be a number or a gap; --csv SEPARATOR"):
+        with pytest.raises(ConfigurationError, match=r"F1 = '1,100': must be a number or a gap; its marks"):
             read_log(tmp_path / "rig.csv", csv=marks)
 
 
@@ -563,3 +564,79 @@ def test_accents_may_be_characters_of_their_own(tmp_path: Path) -> None:
     for name, other in ((composed, apart), (apart, composed)):
         file.write_text(text.replace("F1", name, 1), encoding="utf-8")
         is_as_written(read_log(file, column_map([f"F1={other}"])))
+
+
+def rows(times: Sequence[str], separator: str = ",") -> str:
+    """Rows of a file: a time, two torques of 1 and 2 N m, and positions of 0, 1, 2, ... m."""
+    return "".join(separator.join([t, "1", "2", str(row)]) + "\n" for row, t in enumerate(times))
+
+
+NAMES = "t,tau_1,tau_2,x\n"
+SETTINGS = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n\t\nChannels\t3\t\t\t\nSamples\t4\t4\t4\t\n"
+    "Date\t2026/08/11\t2026/08/11\t2026/08/11\t\nX_Dimension\tTime\tTime\tTime\t\nX0\t0.0\t0.0\t0.0\t\n"
+    "***End_of_Header***\t\t\t\t\nX_Value\ttau_1\ttau_2\tx\tComment\n"
+)
+STEPS = ["0.000", "0.001", "0.002", "0.003"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "columns", "start", "step"),
+    [
+        ("minutes.csv", NAMES + rows(["59:59.000", "59:59.500", "00:00.000"]), {}, 3599.0, 0.5),
+        ("clock.csv", NAMES + rows(["12:00", "12:01", "12:02"]), {}, 43200.0, 60.0),
+        ("durations.csv", NAMES + rows([f"0 days 00:00:00.00{k}" for k in range(4)]), {}, 0.0, 1e-3),
+        ("labview.lvm", SETTINGS + rows(STEPS, "\t").replace("\n", "\t\n"), {}, 0.0, 1e-3),
+        ("numbers.csv", rows(STEPS), {"t": "1", "tau_1": "2", "tau_2": "3:N m", "x": "4"}, 0.0, 1e-3),
+        ("asammdf.csv", NAMES.replace("t,", "timestamps,", 1) + rows(STEPS), {}, 0.0, 1e-3),
+        ("pandas.csv", NAMES.replace("t,", "__index_level_0__,", 1) + rows(STEPS), {}, 0.0, 1e-3),
+        ("step.csv", NAMES.replace("t,", "n,", 1) + rows(["5", "7", "8"]), {"t": "2ms"}, 0.0, 2e-3),
+        ("rate.csv", NAMES.replace("t,", "n,", 1) + rows(["5", "7", "8"]), {"t": "500 Hz"}, 0.0, 2e-3),
+        (
+            "sum.csv",
+            "sec,nanosec,tau_1,tau_2,x\n" + rows(["7,0", "7,500000", "7,1000000"]),
+            {"t": "sec+nanosec"},
+            7,
+            5e-4,
+        ),
+    ],
+)
+def test_files_of_loggers(
+    name: str, content: str, columns: dict[str, str], start: float, step: float, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(content)
+    log = read_log(tmp_path / name, columns)
+    np.testing.assert_allclose(log.t, start + step * np.arange(len(log.t)), rtol=0, atol=1e-9)
+    assert log.columns["tau_2"].tolist() == [2.0] * len(log.t)
+    assert log.columns["x"].tolist() == list(range(len(log.t)))
+
+
+def test_headers_that_nobody_can_read_are_named_by_number(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_bytes("時刻,左,右,位置\n".encode("shift_jis") + rows(STEPS).encode())
+    log = read_log(tmp_path / "rig.csv", {"t": "1", "tau_1": "2", "tau_2": "3", "x": "4:mm"})
+    assert log.columns["x"][3] == pytest.approx(3e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "marks", "message"),
+    [
+        (
+            "none.csv",
+            rows(STEPS),
+            "",
+            "t: no such column; the file has no header, name columns by number, --column t=1",
+        ),
+        (
+            "octave.mat",
+            "# Created by Octave 8.4.0\n# name: t\n",
+            "",
+            "is of Octave's text format: save it with save -v7",
+        ),
+        ("nul.csv", NAMES + rows(STEPS) + "\0" * 512 + "\n", "", "line 6: has NUL bytes"),
+        ("marks.csv", "t;tau_1;tau_2;x\n" + 5 * "0;1.001,5;2;3\n", ";,", "its marks are not those of --csv ;,"),
+    ],
+)
+def test_what_a_logger_s_file_lacks_is_told(name: str, content: str, marks: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(ConfigurationError, match=re.escape(message)):
+        read_log(tmp_path / name, csv=marks)

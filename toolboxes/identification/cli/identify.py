@@ -54,7 +54,8 @@ def identify(
         fit: Keys to estimate, separated by commas; * stands for anything; may be repeated.
         ensemble: Ensemble, such as `rig`; parameters that it draws are estimated, too, with its distributions as
             priors, where logs can identify them.
-        column: Column and unit of a reading, F1=load_cell_left:kN; may be repeated.
+        column: Column and unit of a reading, F1=load_cell_left:kN, or its number, F1=3; times also t=1ms or
+            t=sec+nanosec; may be repeated.
         csv: Separator and decimal mark of CSV files, such as ';,'; default: detected in each file.
         hold_out: Share at the end of each log that is held out and predicted.
         starts: Searches from different starting points, to find distinct optima.
