@@ -331,7 +331,8 @@ def _computed_times(text: str, table: Sequence[csv_files.TableColumn], path: Pat
     if parts := re.fullmatch(FIXED, text.strip()):
         value, unit = float(parts[1]), parts[2]
         step: float = 1 / (value * (1e3 if unit == "kHz" else 1.0)) if unit.endswith("Hz") else value
-        times: Floats = np.arange(rows) * step * (1.0 if unit.endswith("Hz") else physical_units.factor(unit, "s"))
+        step *= 1.0 if unit.endswith("Hz") else physical_units.factor(unit, "s")
+        times = np.array(step * np.arange(rows), np.float64)
         return csv_files.TableColumn.of_numbers(text, text, "s", times)
     if "+" not in text:
         return None
