@@ -132,9 +132,12 @@ class DisturbanceInputs:
 
 
 def is_distributed(plant: Plant) -> bool:
-    """Whether ropes have mass or weight, or gearboxes compliance or losses: more than the paper's six states."""
+    """Whether ropes have mass or weight, gearboxes compliance or losses, or sheaves friction: not the paper's plant."""
     return any(
-        is_heavy(side.rope) or present(side.winch.gear_stiffness) or present(side.winch.gear_loss)
+        is_heavy(side.rope)
+        or present(side.winch.gear_stiffness)
+        or present(side.winch.gear_loss)
+        or present(side.winch.sheave_friction)
         for side in plant.sides
     )
 
@@ -175,7 +178,10 @@ def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 
 
 
 def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, Scalar]:
-    """Tensions F_1 and F_2 in N of the two ropes at their drums at the time t in s (`rope_pulls`)."""
+    """Tensions F_1 and F_2 in N of the two ropes at their drums, or at sheaves with friction (`rope_pulls`).
+
+    At the time t in s.
+    """
     pull_1, pull_2 = rope_pulls(state, plant, t)
     return pull_1.at_drum, pull_2.at_drum
 
@@ -331,8 +337,8 @@ def holding_torques(preload: Scalar, plant: Plant) -> Torques:
 
 
 def rigid_plant(plant: Plant) -> Plant:
-    """The same machine with massless Kelvin–Voigt ropes, rigid lossless gears and rail friction without bristles."""
-    rigid = {"gear_stiffness": 0.0, "gear_loss": 0.0}
+    """The same machine with massless Kelvin–Voigt ropes, rigid gears without losses, and friction without states."""
+    rigid = {"gear_stiffness": 0.0, "gear_loss": 0.0, "sheave_friction": 0.0}
     return replace(
         plant,
         vehicle=replace(plant.vehicle, bristle_stiffness=0.0),

@@ -17,7 +17,7 @@ import annotated_types as at
 
 from dualwinch.model.quantities.part import NoState
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
-from dualwinch.model.scalar import Scalar, absolute, clip, cos, either, present, sin, tanh, where
+from dualwinch.model.scalar import Scalar, absolute, clip, cos, either, exp, present, sin, tanh, where
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,17 @@ class Winch:
         NonNegative,
         at.Lt(1),
         Quantity("1", "friction of the gearbox as a share of the rope's torque", "A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    sheave_friction: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("1", "friction of the rope on its sheaves, mu theta, between drum and vehicle", "0.04, A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    cell_beyond: Annotated[
+        UnitInterval,
+        Quantity("1", "share of that friction between drum and load cell; 0: it is at the drum, 1: beyond", "A14"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     coulomb_friction: Annotated[
@@ -191,6 +202,28 @@ def steady_motor(load: Scalar, theta: Scalar, omega: Scalar, winch: Winch) -> An
     return Rotor(theta + twist + transmission(theta, winch), omega)
 
 
+def over_sheaves(tension: Scalar, omega: Scalar, winch: Winch, beyond: Scalar = 0.0) -> Scalar:
+    """Rope tension in N on the drum's side of its sheaves at a drum speed in rad/s, or after a share `beyond` of them.
+
+    By the capstan equation the side towards which the rope slides has e^(mu theta) times the tension of the other
+    (Euler 1769; Eytelwein, *Handbuch der Statik fester Körper*, 1808); about rest the exponent changes its sign as
+    Coulomb friction does (A5).
+    """
+    if not present(winch.sheave_friction):
+        return tension
+    return tension * exp((1 - beyond) * winch.sheave_friction * tanh(omega / FRICTION_SPEED))
+
+
+def cell_tension(tension: Scalar, omega: Scalar, winch: Winch) -> Scalar:
+    """Tension in N at the load cell, for that of the rope beyond its sheaves, at the drum speed in rad/s."""
+    return over_sheaves(tension, omega, winch, winch.cell_beyond)
+
+
+def tension_beyond_sheaves(cell: Scalar, omega: Scalar, winch: Winch) -> Scalar:
+    """Tension of the rope in N beyond its sheaves, for that at the load cell; inverse of `cell_tension`."""
+    return over_sheaves(cell, -omega, winch, winch.cell_beyond)
+
+
 def with_gear_loss(tension: Scalar, omega: Scalar, winch: Winch) -> Scalar:
     """Rope tension in N plus the gearbox's load-dependent friction, as a tension, at the drum speed in rad/s."""
     if not present(winch.gear_loss):
@@ -224,7 +257,7 @@ def winch_rates(
     """
     radius = winding(theta, winch).radius
     turning = rope * radius**2
-    tension = with_gear_loss(tension, omega, winch)
+    tension = with_gear_loss(over_sheaves(tension, omega, winch), omega, winch)
     if not isinstance(motor, Rotor):
         return drum_acceleration(omega, tension, torque, winch, radius, turning), motor
     passed = gear_torque(theta, omega, motor, winch)

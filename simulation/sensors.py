@@ -11,6 +11,7 @@ from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, both, clip, exp, floor, maximum, present, quantise, where
+from dualwinch.model.winch import cell_tension
 from dualwinch.simulation.lateness import (
     PastMotion,
     PastPulls,
@@ -401,6 +402,7 @@ def measure(
     Sample time in s, tensions in N without errors. Where drives do not measure drum speeds, these are differences of
     encoder readings over the sample time. `silence` is `silence_of` these sensors, `number` that of the sample.
     """
+    tensions = at_load_cells(state, tensions, plant)
     carried = last.load_cells
     if isinstance(carried, LoadCells):
         carried, tensions = load_cells(carried, tensions, sensors, sample_time)
@@ -428,6 +430,15 @@ def measure(
         theta_1=now.theta_1,
         theta_2=now.theta_2,
     )
+
+
+def at_load_cells(state: PlantState, tensions: tuple[Scalar, Scalar], plant: Plant) -> tuple[Scalar, Scalar]:
+    """Tensions in N at the load cells, for those of the ropes beyond their sheaves."""
+    cell_1, cell_2 = (
+        cell_tension(tension, omega, side.winch)
+        for tension, (_, omega), side in zip(tensions, state.drums, plant.sides, strict=True)
+    )
+    return cell_1, cell_2
 
 
 ROUNDING = 1e-6

@@ -48,6 +48,7 @@ from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Qua
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, present, where
+from dualwinch.model.winch import tension_beyond_sheaves
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,7 @@ def timely(
     delays = gains.position_delay, gains.speed_delay, gains.encoder_delay
     if not any(map(present, (*delays, age))):
         return measurement
-    pull = measurement.F1 - measurement.F2
+    pull = pull_on_vehicle(measurement, state.v, nominal)
     acceleration = vehicle_acceleration(state.v, pull, DisturbanceInputs(), nominal.vehicle) + state.d
     readings: dict[str, Scalar] = {}
     if present(gains.position_delay) or present(age):
@@ -213,6 +214,15 @@ def timely(
         readings["theta_1"] = measurement.theta_1 + way / nominal.winch_1.drum_radius
         readings["theta_2"] = measurement.theta_2 - way / nominal.winch_2.drum_radius
     return replace(measurement, **readings)
+
+
+def pull_on_vehicle(measurement: Measurement, v: Scalar, nominal: Plant) -> Scalar:
+    """Net pull of the ropes on the vehicle in N from the measured tensions, at the speed v in m/s."""
+    pull_1, pull_2 = (
+        tension_beyond_sheaves(tension, side.direction * v / side.winch.drum_radius, side.winch)
+        for side, tension in zip(nominal.sides, (measurement.F1, measurement.F2), strict=True)
+    )
+    return pull_1 - pull_2
 
 
 def _way(v: Scalar, acceleration: Scalar, delay: Scalar) -> Scalar:
@@ -262,7 +272,7 @@ def corrected(
     v = state.v + v_x * of_x + v_v * of_v
     learnt = d_x * of_x + d_v * of_v
     d, rate = state.d + learnt, state.rate + gains.ramp * gains.bandwidth * learnt
-    pull = measurement.F1 - measurement.F2
+    pull = pull_on_vehicle(measurement, v, nominal)
     acceleration = vehicle_acceleration(v, pull, DisturbanceInputs(), nominal.vehicle) + d
     following = KalmanState(
         x=x + sample_time * v + sample_time**2 / 2 * acceleration,

@@ -45,6 +45,7 @@ from dualwinch.model.winch import (
     angle_of,
     friction_torque,
     gear_torque,
+    over_sheaves,
     shaft_torque,
     steady_motor,
     winding,
@@ -104,7 +105,8 @@ def steady_motion(
         theta = angle_of(wound, side.winch)
         radius = winding(theta, side.winch).radius
         omega = rate / radius
-        load = radius * with_gear_loss(tension, omega, side.winch) + friction_torque(omega, side.winch)
+        at_drum = over_sheaves(tension, omega, side.winch)
+        load = radius * with_gear_loss(at_drum, omega, side.winch) + friction_torque(omega, side.winch)
         motor = steady_motor(load, theta, omega, side.winch)
         drums += [theta, omega]
         ropes.append(rope)

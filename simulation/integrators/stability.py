@@ -103,7 +103,8 @@ def chain_of(side: Side, vehicle: Vehicle, track: Track, at: RopeTangent) -> Cha
         masses.append(8 / 15 * transverse_mass(rope) * length)
         bend = 16 / 3 * rope.submerged_weight / (8 * np.maximum(at.tension, LEAST_PULL)) * length
         links.append((16 / 3 * at.tension * length / span**2, 0.0, {depth: 1.0}))
-    pulling = np.sqrt(1 + np.asarray(winch.gear_loss))  # at the drum the tension counts 1 + gear_loss times
+    # at the drum the tension counts so many times
+    pulling = np.sqrt((1 + np.asarray(winch.gear_loss)) * np.exp(np.asarray(winch.sheave_friction)))
     for near in range(first, last):
         ends = {near: pulling if near == first else 1.0, near + 1: -1.0}
         sag = {depth: bend / segments} if weighs else {}

@@ -25,7 +25,7 @@ from dualwinch.model.plant import (
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Rope, Track
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.model.winch import Winch
+from dualwinch.model.winch import Winch, cell_tension, tension_beyond_sheaves
 
 STIFFNESS = 80e9 * 4.52e-4
 """E A in N of Table 1."""
@@ -197,6 +197,23 @@ def test_gear_loss_is_friction_in_proportion_to_the_load(omega: float) -> None:
     rest = replace(resting_state(2000.0, plant, 25.0), omega_1=omega)
     alpha = derivative(rest, holding_torques(2000.0, plant), DisturbanceInputs(), plant).omega_1
     assert alpha == pytest.approx(-math.copysign(0.05 * 0.8 * 1000 / 1.8, omega), rel=1e-6)
+
+
+@pytest.mark.parametrize("omega", [-1.0, 1.0])
+def test_the_side_towards_which_a_rope_slides_over_its_sheave_has_more_tension(omega: float) -> None:
+    plant = plant_of(Rope(damping=0.0), Winch(sheave_friction=0.04))
+    rest = replace(resting_state(2000.0, plant, 25.0), omega_1=omega)
+    alpha = derivative(rest, holding_torques(2000.0, plant), DisturbanceInputs(), plant).omega_1
+    factor = math.exp(math.copysign(0.04, omega))
+    assert alpha == pytest.approx(0.8 * 1000 * (1 - factor) / 1.8, rel=1e-6)
+
+
+@pytest.mark.parametrize(("beyond", "factor"), [(0.0, math.exp(0.04)), (0.5, math.exp(0.02)), (1.0, 1.0)])
+def test_a_load_cell_reads_the_tension_where_it_sits(beyond: float, factor: float) -> None:
+    winch = Winch(sheave_friction=0.04, cell_beyond=beyond)
+    assert cell_tension(1000.0, 2.0, winch) == pytest.approx(1000 * factor)
+    assert cell_tension(1000.0, -2.0, winch) == pytest.approx(1000 / factor)
+    assert tension_beyond_sheaves(cell_tension(1000.0, 0.003, winch), 0.003, winch) == pytest.approx(1000)
 
 
 def energy(state: PlantState, plant: Plant) -> float:

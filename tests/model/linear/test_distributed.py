@@ -104,6 +104,7 @@ def test_steady_motion_leaves_nothing_but_round_off(x: float, v: float, preload:
         "rope_1": replace(SITE.rope_1, segments=5, spare_length=30.0),
         "rope_2": replace(SITE.rope_2, segments=3, damping=300.0),
         "winch_1": replace(SITE.winch_1, gear_loss=0.03),
+        "winch_2": replace(SITE.winch_2, sheave_friction=0.04),
     }
     point = operating_point(x, v, preload, replace(SITE, **ropes))
     assert point.residual < 1e-5

@@ -119,6 +119,7 @@ STIFF: dict[str, dict[str, float]] = {
     "damped gearbox": GEARED | {"winch__gear_damping": 1e6},
     "stiff gearbox": GEARED | {"winch__gear_stiffness": 1e9, "winch__gear_damping": 500.0},
     "loss of the gearbox": STEEL | {"winch__gear_loss": 0.5, "winch__inertia": 1.0},
+    "sheaves": STEEL | {"winch__sheave_friction": 0.5, "winch__inertia": 1.0},
     "viscous friction": STEEL | {"winch__viscous_friction": 2e6},
     "sag": {"rope__mass_per_length": 0.05, "rope__submerged_weight": 10.0, "rope__damping": 100.0},
 }
@@ -141,7 +142,7 @@ def verlet_step(plant: Any, h: float, x: float) -> Any:
     pulls = np.zeros((n + 2, n + 1))  # force on each body by the stretch rate of each link, and by its stretch
     forces, dampings = pulls.copy(), pulls.copy()
     for link in range(n + 1):
-        loss = winch.gear_loss if link == 1 else 0.0
+        loss = (1 + winch.gear_loss) * math.exp(winch.sheave_friction) - 1 if link == 1 else 0.0
         pulls[link : link + 2, link] = -1 - loss, 1
         stiff, viscous = (n * spring, n * viscosity) if link else (winch.gear_stiffness, winch.gear_damping)
         scale = 1 if link else radius**2
