@@ -44,8 +44,8 @@ def cells(runs: Runs) -> list[str]:
         f"{np.sum(runs.slack > 0)}",
         f"{np.sum(runs.peak_tension > LIMIT)}",
         f"{np.max(runs.peak_tension):.0f}",
-        f"{1e3 * np.median(np.sqrt(runs.mse)):.3g}",
-        f"{1e3 * np.median(runs.largest_error):.3g}",
+        f"{float(f'{1e3 * np.median(np.sqrt(runs.mse)):.3g}'):g}",
+        f"{float(f'{1e3 * np.median(runs.largest_error):.3g}'):g}",
     ]
 
 
