@@ -94,7 +94,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "plant.rope_1.segments": 3,
         "plant.rope_2.segments": 3,
     }
-    alone = {"plant.rope_1.kind", "plant.rope_2.kind", "sensors.outage", "simulation.engine"}
+    alone = {"plant.rope_1.kind", "plant.rope_2.kind", "sensors.outage", "sensors.memory", "simulation.engine"}
     shaping = {key for key, leaf in describe_parts(SEA.experiment).items() if leaf.shapes_code}
     assert set(others) | alone == shaping
     for key, value in others.items():
