@@ -3,6 +3,7 @@
 Former names of keys (`RENAMED`) are accepted everywhere.
 """
 
+import fnmatch
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import lru_cache
@@ -42,8 +43,9 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
 
     Args:
         experiment: source of all other values.
-        values: dotted key → value, e.g. ``{"plant.vehicle.mass": 1.1e4}``. Another kind of a part, such as another
-            ``controller.kind``, brings its own default gains and keeps the gains that both kinds share.
+        values: dotted key → value, e.g. ``{"plant.vehicle.mass": 1.1e4}``; ``*`` stands for any part of a key, as in
+            ``plant.rope_*.damping``, and a key without it is an exception to such a pattern. Another kind of a part,
+            such as another ``controller.kind``, brings its own default gains and keeps the gains that both kinds share.
 
     Raises:
         ConfigurationError: an unknown key, a value of the wrong type or out of range, or a gain of a part that the
@@ -54,7 +56,10 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
         >>> heavier = dw.override(dw.case(4), {"plant.vehicle.mass": 1.2e4, "controller.observer.l0": 20.0})
         >>> heavier.plant.vehicle.mass
         12000.0
+        >>> dw.override(dw.case(4), {"plant.rope_*.modulus": 7e10}).plant.rope_2.modulus
+        70000000000.0
     """
+    values = _without_patterns(experiment, values)
     experiment, idle = with_settings(experiment, values)
     for key in idle:
         choice, kinds = owners(Experiment, key)
@@ -65,6 +70,26 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
         raise ConfigurationError(f'{key}: belongs to {choice} = {whose}, here it is "{here}"')
     check_reference_keys(experiment, values)
     return experiment
+
+
+def _without_patterns(experiment: Experiment, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The values by the experiment's own keys, in place of patterns.
+
+    Raises:
+        ConfigurationError: a pattern that no key matches.
+    """
+    patterns = [key for key in values if "*" in str(key)]
+    if not patterns:
+        return values
+    keys, expanded = list(leaves(experiment)), dict[str, Any]()
+    for pattern in patterns:
+        matching = fnmatch.filter(keys, pattern)
+        if not matching:
+            raise ConfigurationError(
+                f"{pattern}: no key of the experiment is like this; dualwinch config prints all keys"
+            )
+        expanded |= dict.fromkeys(matching, values[pattern])
+    return expanded | {key: value for key, value in values.items() if key not in patterns}
 
 
 def check_reference_keys(

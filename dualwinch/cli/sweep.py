@@ -133,7 +133,7 @@ def _values(key: str, text: str) -> list[Any]:
         if not isinstance(listed, list):
             raise ConfigurationError(f"{key}={text}: must be a list as in TOML, e.g. {key}=[1, 2]")
         return listed
-    if re.match(r"[\d.+-][^,]*:", text):
+    if re.match(r"[\d.+-][^,]*(:|\.\.)", text):
         wrong = f"{key}={text}: must be first:last:step or first:last:count:log, e.g. {key}=1:9:2"
         return [*numbers_between(text, wrong)]
     return [parse_assignment(f"{key}={word}")[1] for word in text.split(",")]

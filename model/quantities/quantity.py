@@ -328,18 +328,20 @@ def nearest(key: str, keys: Iterable[str], count: int = 1) -> list[str]:
     """The keys most similar to a mistaken one, in descending order of similarity.
 
     The similarity is the sum of those of the whole keys and of their last parts, so that a wrong section matters less
-    than a wrong name.
+    than a wrong name. Names that begin with the mistaken one come first: ``pid-cascade`` for ``pid``.
     """
+    word = key.lower()
 
     def parts(name: str) -> tuple[str, str]:
         return name.lower(), name.lower().rsplit(".", 1)[-1]
 
     matchers = [difflib.SequenceMatcher(b=part) for part in parts(key)]
 
-    def likeness(name: str) -> tuple[float, str]:
+    def likeness(name: str) -> tuple[bool, float, str]:
         for matcher, part in zip(matchers, parts(name), strict=True):
             matcher.set_seq1(part)
-        return sum(matcher.ratio() for matcher in matchers), name.lower()
+        begins = bool(word) and name.lower().startswith(word)
+        return begins, sum(matcher.ratio() for matcher in matchers), name.lower()
 
     return heapq.nlargest(count, keys, key=likeness)
 

@@ -324,7 +324,7 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
     return experiment
 
 
-UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, NotImplementedError, EOFError)
+UNREADABLE = (ValueError, LookupError, TypeError, AttributeError, NotImplementedError, EOFError)
 """Errors of the libraries for a file whose format does not match its suffix."""
 
 

@@ -74,6 +74,8 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
             ["reproduce", "--controllers", "pid"],
             "unknown controller 'pid'; did you mean 'pid-cascade'?",
         ),
+        (["simulate", "--controller", "pid"], "did you mean 'pid-cascade'?"),
+        (["sweep", "plant.vehicle.mass=1..20"], "must be first:last:step or first:last:count:log"),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(

@@ -1,5 +1,6 @@
 """Estimate a machine's parameters from logs in one call."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -58,7 +59,7 @@ def identify(
     *,
     ensemble: str | PathLike[str] | Ensemble | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
-    columns: Sequence[str] = (),
+    columns: Sequence[str] | Mapping[str, str] = (),
     csv: str = "",
     hold_out: float = 0.0,
     starts: int = 1,
@@ -88,7 +89,8 @@ def identify(
         ensemble: name or file of an ensemble, such as ``rig``: every parameter that it draws and a log determines is
             estimated as well, with its distribution as a prior.
         priors: key → mean and standard deviation of a normal prior.
-        columns: of files, such as ``F1=load_cell_left:kN``, if they have other names or units.
+        columns: of files, if they have other names or units: ``{"F1": "load_cell_left:kN"}``, or texts as of the
+            command line, ``F1=load_cell_left:kN``.
         csv: separator and decimal mark of CSV files, such as ``;,``; default: detected in each file.
         hold_out: share at the end of each log that is predicted, not fitted.
         starts: number of searches from different starts; all but the first are drawn.
@@ -129,12 +131,12 @@ def identify(
     arguments.whole_number("seed", seed)
     arguments.instance("options", options, EstimationOptions)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
+    given = _logs(logs, columns, csv)  # before all work, so that a wrong file is told at once
     profiled = estimable_keys(arguments.texts("profiles", profiles), experiment, "--profile")
     for key in profiled:
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
     unknowns = unknown_parameters(names, experiment, known, options.search)
-    given = _logs(logs, columns, csv)
     for log in given:
         check_log(log, experiment, options.plausibility)
     gap, least_rows = options.resampling.max_gap, options.resampling.min_rows
@@ -201,7 +203,15 @@ def identify(
     )
 
 
-def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> list[Log]:
+def _logs(logs: Source | Sequence[Source], columns: Sequence[str] | Mapping[str, str], csv: str) -> list[Log]:
+    """The logs of sources; where columns are a mapping, messages name them as such."""
+    if isinstance(columns, Mapping):
+        try:
+            return _logs(logs, [f"{reading}={column}" for reading, column in columns.items()], csv)
+        except ConfigurationError as error:
+            option = r"--column '?(\w+)=([^';,)]+?)'?(?=[;,)\s]|$)"
+            words = re.sub(option, lambda parts: f"columns={{{parts[1]!r}: {parts[2]!r}}}", str(error))
+            raise ConfigurationError(words) from None
     one = isinstance(logs, (Log, Result, str, PathLike))
     sources = [logs] if one else list(logs) if isinstance(logs, Sequence) else [logs]
     for source in sources:

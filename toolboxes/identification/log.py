@@ -624,7 +624,7 @@ def read_columns(path: Path, csv: str = "") -> list[csv_files.TableColumn]:
         raise
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError, NotImplementedError, EOFError) as error:
+    except (ValueError, LookupError, TypeError, NotImplementedError, EOFError) as error:
         raise ConfigurationError(f"{path}: not a {suffix} file: {str(error).splitlines()[0][:200]}") from error
 
 

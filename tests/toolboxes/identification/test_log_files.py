@@ -15,6 +15,7 @@ from scipy.io import savemat
 from scipy.sparse import csc_array
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.log import Log, column_map, gap_note, log, read_log
 
 ROWS = 40
@@ -640,3 +641,9 @@ def test_what_a_logger_s_file_lacks_is_told(name: str, content: str, marks: str,
     (tmp_path / name).write_text(content)
     with pytest.raises(ConfigurationError, match=re.escape(message)):
         read_log(tmp_path / name, csv=marks)
+
+
+def test_columns_of_the_library_are_a_mapping_and_messages_name_them_so(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_text("time,tau_1,tau_2,pos\n" + rows(STEPS))
+    with pytest.raises(ConfigurationError, match=r"name it with columns=\{'x': 'NAME'\}; it has"):
+        identify(tmp_path / "rig.csv", "plant.vehicle.mass", columns={"t": "time"})
