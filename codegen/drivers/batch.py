@@ -15,7 +15,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import CompiledFill, Signals, compile_fill
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
+from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes, paired
 from dualwinch.codegen.source.expressions import BUILDING, GRAPHS
 
 Floats = NDArray[np.float64]
@@ -52,12 +52,13 @@ def _in_lanes(
     *driver: str,
 ) -> str:
     """A unit of functions in lanes that takes the exogenous signals `read`, and further inputs packed by function."""
+    in_pairs = paired(functions, compiler)
     lanes = {
-        name: LaneLayout(paired=compiler.pairs, shared=("part",), packed={"exogenous": read, **packed.get(name, {})})
+        name: LaneLayout(paired=in_pairs, shared=("part",), packed={"exogenous": read, **packed.get(name, {})})
         for name in (function.name() for function in functions)
     }
     source = c_source(functions, lanes=lanes)
-    return unit(dict(sizes) | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, *driver)
+    return unit(dict(sizes) | lane_sizes(paired=in_pairs), functions, "elementary.h", "lanes.h", source, *driver)
 
 
 class Recorder(ctypes.Structure):

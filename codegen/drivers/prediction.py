@@ -233,7 +233,7 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     statements = {name: product.statements() for name, product in macros.items()}
     statements["MOVE_BY_STATE"] = by_parts.statements(without=DIRECTION)
     defines = [f"#define {name.upper()} {' '.join(lines)}" for name, lines in statements.items()]
-    sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
+    sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(paired=compiler.pairs)
     sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
     sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
     return unit(

@@ -129,7 +129,7 @@ def sensitivity_source(
     defines = [f"#define {name} {' '.join(product.statements())}" for name, product in products.items()]
     listed = macros_of_lists(READ_STATE=packed["state"], READ_EXOGENOUS=signals)
     text = f'EXPORT const char {DERIVE}[] = "{derive.serialize()}";'
-    sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}
+    sizes = system.sizes | lane_sizes(paired=compiler.pairs) | {"DIRECTIONS": varied.directions, "TRACKED": 0}
     sizes |= {"VARIED": len(varied.parameters), "SIGNALS": len(varied.signals), "ROW": len(varied.columns)}
     sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
     macros = "\n".join([listed, *defines, text, ""])

@@ -16,7 +16,7 @@ from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler, with_
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
+from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes, paired
 from dualwinch.codegen.source.expressions import GRAPHS
 
 DRIVER = ("sampled_lanes.h", "stepping.c")
@@ -55,8 +55,9 @@ def stepping_source(commanded: Commanded, compiler: Compiler, *, exact: bool) ->
     if exact:
         sizes = commanded.sizes | {"LANES": 1, "PAIRED": 0}
         return unit(sizes, functions, "lanes.h", c_source(functions), listed, *DRIVER)
-    lanes = {function.name(): LaneLayout(paired=compiler.pairs, shared=("part",)) for function in functions}
-    source, sizes = c_source(functions, lanes=lanes), commanded.sizes | lane_sizes(compiler)
+    in_pairs = paired(functions, compiler)
+    lanes = {function.name(): LaneLayout(paired=in_pairs, shared=("part",)) for function in functions}
+    source, sizes = c_source(functions, lanes=lanes), commanded.sizes | lane_sizes(paired=in_pairs)
     return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, *DRIVER)
 
 

@@ -47,9 +47,24 @@ def lane_flags(compiler: Compiler) -> tuple[str, ...]:
     return LANE_FLAGS if compiler.is_clang else LANE_FLAGS + GCC_FLAGS
 
 
-def lane_sizes(compiler: Compiler) -> dict[str, int]:
+PAIRED_STATEMENTS = 2000
+"""Longest function that processes two lanes per call. Twice the statements of a longer one are more than a core's cache
+of decoded instructions holds: they run no faster, and take twice the time to compile."""
+
+
+def paired(functions: Sequence[ca.Function], compiler: Compiler) -> bool:
+    """Whether functions in lanes process two lanes per call; those of the parameters alone never do."""
+    lengths = (function.n_instructions() for function in functions if not _runs_once(function))
+    return compiler.pairs and max(lengths) <= PAIRED_STATEMENTS
+
+
+def _runs_once(function: ca.Function) -> bool:
+    return function.name_in() == ["parameters"]
+
+
+def lane_sizes(*, paired: bool) -> dict[str, int]:
     """``LANES``, and ``PAIRED``: whether functions process two lanes per call."""
-    return {"LANES": LANES, "PAIRED": int(compiler.pairs)}
+    return {"LANES": LANES, "PAIRED": int(paired)}
 
 
 @dataclass(frozen=True)
@@ -132,7 +147,7 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
     arguments = ",\n    ".join(_arguments(function, style))
     unused = [name for name in inputs if not elements_read(function, name)]
     unused += [name for name in outputs if not function.numel_out(name)]
-    once = inputs == ["parameters"]  # runs once per run: size matters, not speed
+    once = _runs_once(function)  # size matters, not speed
     strands = lanes.strands[: 1 if once else None] if lanes else (Strand(optional=True),)
     function_style = replace(lanes.style, generator=style.generator) if lanes else style
     lines = (rolled_statements if once else statements)(function, function_style, strands)

@@ -13,7 +13,7 @@ from dualwinch.codegen.drivers.batch import LANES, Batch, batch_source, compile_
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import OutageSignal, RandomSignal, Signals, UniformSignal
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.c_source import lane_flags
+from dualwinch.codegen.source.c_source import PAIRED_STATEMENTS, lane_flags, paired
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.tuning.tuning_problem import tuning_problem
@@ -168,3 +168,12 @@ def test_gcc_vectorises_every_loop(ensemble: str, tmp_path: Path) -> None:
     loop = closed_loop(structure_of(tuning_problem(ensemble=ensemble).experiment))
     for source_of in (batch_source, rows_source):
         assert left_scalar(compiler, source_of(loop, compiler), tmp_path) == []
+
+
+def test_only_short_functions_process_two_lanes_per_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Compiler, "pairs", True)
+    x = ca.SX.sym("x", PAIRED_STATEMENTS)
+    short, long = (ca.Function("f", [each], [ca.sin(each)], ["x"], ["y"]) for each in (x[:5], x))
+    once = ca.Function("derive", [x], [ca.sin(x)], ["parameters"], ["derived"])
+    assert paired([short, once], find_compiler())
+    assert not paired([short, long], find_compiler())

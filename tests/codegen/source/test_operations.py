@@ -69,7 +69,7 @@ def in_lanes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         f"{{ for (; n > 0; n -= LANES, x += LANES, y += LANES, z += LANES) EACH_CALL {name}(x + l, y + l, z + l); }}"
         for name in lanes
     ]
-    sizes = lane_sizes(compiler) | {"PAIRED": int(request.param)}
+    sizes = lane_sizes(paired=bool(request.param))
     definitions = c_source(list(WRITTEN.values()), lanes=lanes)
     source = unit(sizes, [], "elementary.h", "lanes.h", definitions, "\n".join(loops))
     path = tmp_path_factory.mktemp("lanes") / "operations.so"
