@@ -38,6 +38,16 @@
   ONE(cell_at_vehicle, 0.0)     /* 1: load cells at the vehicle's end of the ropes, 0: at the drums */                 \
   ONE(torque_step, 0.0)         /* N m: steps of torque commands, as on a fieldbus; 0: none */                         \
   ONE(slack_below, 0.0)         /* N: a rope with no more tension than this counts as slack */                         \
+  EACH(sheave, 0.0)             /* mu theta of the rope over a sheave by the drum, beyond the load cell at the drum */ \
+  ONE(position_late, 0.0)       /* s by which the position sensor is late; up to 63 samples */                         \
+  ONE(fault_start, 20.0)        /* s: begin of the first of these faults */                                            \
+  ONE(fault_length, 0.5)        /* s */                                                                                \
+  ONE(fault_period, 1e3)        /* s from one to the next */                                                           \
+  ONE(position_fault, 0.0)      /* m by which the position is off meanwhile, as by multipath */                        \
+  ONE(wheel_slip, 0.0)          /* share by which the speed wheel reads too much meanwhile */                          \
+  EACH(encoder_slip, 0.0)       /* m of rope that an encoder loses in each, at a constant rate */                      \
+  EACH(cell_drift, 0.0)         /* N by which a load cell drifts, exponentially from the start */                      \
+  ONE(drift_time, 15.0)         /* s */                                                                                \
   /* rail */                                                                                                           \
   ONE(break_away, 1.0)          /* Stribeck: friction at rest over that in motion */                                   \
   ONE(stribeck_speed, 0.01)     /* m/s */                                                                              \

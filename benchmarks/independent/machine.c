@@ -16,6 +16,7 @@
 #include "sensed.h"
 
 #define LONGEST_DELAY 8
+#define LONGEST_LATE 64
 
 static const double DRUM_FRICTION = 96.0;
 
@@ -121,6 +122,32 @@ static void reference(double t, double *wanted) {
 
 static double rounded(double value, double step) { return step > 0.0 ? step * floor(value / step + 0.5) : value; }
 
+/* Where in the faults a time is: whether one is on, and how many have been, the present one in part. */
+static void faults(const struct effects *is, double t, double *on, double *count) {
+  double since = t - is->fault_start, past = fmax(floor(since / is->fault_period), 0.0);
+  double share = (since - past * is->fault_period) / is->fault_length;
+  *on = share >= 0.0 && share < 1.0 ? 1.0 : 0.0;
+  *count = past + fmin(fmax(share, 0.0), 1.0);
+}
+
+/* Positions at the last samples, the latest first, with their times. */
+struct track {
+  double t[LONGEST_LATE], x[LONGEST_LATE];
+};
+
+/* The position a time ago, on straight lines between samples. */
+static double earlier(struct track *track, double t, double x, double late) {
+  memmove(track->t + 1, track->t, (LONGEST_LATE - 1) * sizeof *track->t);
+  memmove(track->x + 1, track->x, (LONGEST_LATE - 1) * sizeof *track->x);
+  track->t[0] = t, track->x[0] = x;
+  if (late <= 0.0) return x;
+  for (int n = 1; n < LONGEST_LATE; n++) {
+    double share = (t - late - track->t[n]) / (track->t[n - 1] - track->t[n]);
+    if (share >= 0.0) return track->x[n] + share * (track->x[n - 1] - track->x[n]);
+  }
+  return track->x[LONGEST_LATE - 1];
+}
+
 static double needed(const struct machine *m, const double *wanted, const struct held *held) {
   double v = wanted[1], through = v - held->current;
   return m->mass * wanted[2] + m->friction * (RAIL_LOAD + held->load) +
@@ -200,6 +227,7 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
   struct held held = {{0.0, 0.0}, 0.0, 0.0, 0.0};
   struct sensed sensed;
   struct forces forces;
+  struct track track;
   double state[STATES], queue[LONGEST_DELAY + 1][2], before[2] = {0.0, 0.0}, wanted[3];
   double square = 0.0, furthest = 0.0, largest = 0.0, smallest = INFINITY, change = 0.0, most = 0.0;
   double sample, current, load, drift = 0.0, late = 0.0, shown = 0.0, least_gear = INFINITY, speed[2] = {0.0, 0.0};
@@ -224,25 +252,31 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
   if (extent->log)
     fprintf(stderr, "%.17g,%.17g,%.17g,%.17g,%.17g\n", m.mass, m.drag, m.friction, m.winch[0].modulus, m.winch[1].modulus);
 
+  for (int n = 0; n < LONGEST_LATE; n++) track.t[n] = -(n + 1.0) * sample, track.x[n] = state[X];
   for (k = 0; k < samples; k++) {
     double t = (double)k * sample + late, off = m.bias + m.drift * drift, next_late, tension[2], error;
+    double slipping, slips, warm = 1.0 - exp(-t / m.is.drift_time);
     pull(&m, t, state, &forces);
+    faults(&m.is, t, &slipping, &slips);
     reference((double)k * sample, wanted);
     if (period > 0 && k % period == 0) {
       long length = lround(how->outage_length / sample * uniform(0.5, 1.5));
       silent_from = k + (long)uniform(0.0, (double)(period - length)), silent_to = silent_from + length;
     }
-    sensed.x = rounded(state[X] + off + m.position_noise * normal(), m.resolution);
+    off += slipping * m.is.position_fault;
+    sensed.x = rounded(earlier(&track, t, state[X], m.is.position_late) + off + m.position_noise * normal(), m.resolution);
     if (k >= silent_from && k < silent_to) sensed.x = how->missing ? NAN : shown;
     if (isfinite(sensed.x)) shown = sensed.x;
-    sensed.v = state[V] * (1.0 + m.is.wheel_error * (1.0 - m.is.learnt_wheel)) + m.speed_noise * normal();
+    sensed.v = state[V] * (1.0 + m.is.wheel_error * (1.0 - m.is.learnt_wheel)) * (1.0 + slipping * m.is.wheel_slip);
+    sensed.v += m.speed_noise * normal();
     for (int i = 0; i < 2; i++) {
       const struct winch *w = &m.winch[i];
       double count = m.counts > 0.0 ? 2.0 * PI / (RATIO * m.counts) : 0.0;
       double cell = m.is.cell_bandwidth > 0.0 ? state[CELL + i] : cell_tension(&m, &forces, i);
-      sensed.F[i] = cell * (1.0 + w->cell_error) + w->cell_zero + m.tension_noise * normal();
+      sensed.F[i] = cell * (1.0 + w->cell_error) + w->cell_zero + warm * m.is.cell_drift[i] + m.tension_noise * normal();
       sensed.omega[i] = shaft_speed(&m, state, i, &speed_stream);
-      sensed.theta[i] = rounded(state[(gives(&m, i) ? TURN : THETA) + i] + w->encoder_zero / DRUM, count);
+      double zero = (w->encoder_zero - slips * m.is.encoder_slip[i]) / DRUM;
+      sensed.theta[i] = rounded(state[(gives(&m, i) ? TURN : THETA) + i] + zero, count);
       sensed.theta[i] -= learnt(&m, i, state[X], sensed.F[i]);
     }
     memcpy(sensed.reference, wanted, sizeof wanted);

@@ -67,12 +67,17 @@ static int plain(const struct effects *effects) {
   rest.speed_lag = effects->speed_lag, rest.speed_noise = effects->speed_noise;
   rest.shedding_by_way = effects->shedding_by_way, rest.shedding_phase = effects->shedding_phase;
   rest.learnt_wheel = effects->learnt_wheel, rest.learnt_modulus = effects->learnt_modulus;
+  rest.position_late = effects->position_late, rest.position_fault = effects->position_fault;
+  rest.fault_start = effects->fault_start, rest.fault_length = effects->fault_length;
+  rest.fault_period = effects->fault_period, rest.wheel_slip = effects->wheel_slip;
+  rest.drift_time = effects->drift_time;
   rest.learnt_gear = effects->learnt_gear, rest.learnt_sag = effects->learnt_sag;
   rest.push_force = effects->push_force, rest.push_start = effects->push_start, rest.push_length = effects->push_length;
   rest.payload_mass = effects->payload_mass, rest.payload_drag = effects->payload_drag;
   rest.payload_start = effects->payload_start, rest.base_speed = effects->base_speed;
   rest.overload_time = effects->overload_time;
   for (int i = 0; i < 2; i++) {
+    rest.encoder_slip[i] = effects->encoder_slip[i], rest.cell_drift[i] = effects->cell_drift[i];
     rest.most_torque[i] = effects->most_torque[i], rest.rated_torque[i] = effects->rated_torque[i];
     rest.dropout_start[i] = effects->dropout_start[i], rest.dropout_length[i] = effects->dropout_length[i];
   }
@@ -185,6 +190,7 @@ struct link {
 struct forces {
   struct link rope[2][LARGEST_SEGMENTS], gear[2];
   double radius[2], length[2], mean[2], stretch_rate[2], gear_slope[2]; /* m, m, N, m/s, twist by drum angle */
+  double over[2]; /* tension at the drum over that beyond its sheave */
 };
 
 /* Stretch in m after which Dahl's force has changed by 1 - 1/e of the way. */
@@ -286,6 +292,7 @@ static void pull_gear(const struct machine *m, const double *state, int i, struc
 
 static void pull(const struct machine *m, double t, const double *state, struct forces *f) {
   for (int i = 0; i < 2; i++) {
+    f->over[i] = exp(m->is.sheave[i] * tanh(state[OMEGA + i] / DRUM_SPEED)); /* capstan: Euler, Eytelwein */
     pull_rope(m, t, state, i, f);
     if (gives(m, i)) pull_gear(m, state, i, f);
   }
@@ -392,7 +399,10 @@ static void drive(const struct machine *m, const double *state, const struct hel
   double torque = RATIO * motor_torque(m, state, held, i), shape = tanh(state[OMEGA + i] / DRUM_SPEED);
   double through = gives(m, i) ? f->gear[i].tension : torque;
   double rubbing = m->coulomb + (1.0 - m->is.gear_efficiency[i]) * fabs(through);
+  double sliding = m->is.sheave[i] * f->over[i] * f->rope[i][segments(m, i) - 1].tension * f->radius[i];
   c->force[rotor] += torque;
+  c->force[drum] -= (f->over[i] - 1.0) * f->rope[i][segments(m, i) - 1].tension * f->radius[i];
+  c->by_speed[drum][1] -= sliding * (1.0 - shape * shape) / DRUM_SPEED;
   c->force[drum] -= rubbing * shape;
   c->by_speed[drum][1] -= rubbing * (1.0 - shape * shape) / DRUM_SPEED;
 }
@@ -462,7 +472,7 @@ static void slope_plain(const struct machine *m, double t, const double *state, 
 }
 
 static double cell_tension(const struct machine *m, const struct forces *f, int i) {
-  return f->rope[i][m->is.cell_at_vehicle > 0.0 ? 0 : segments(m, i) - 1].tension;
+  return m->is.cell_at_vehicle > 0.0 ? f->rope[i][0].tension : f->rope[i][segments(m, i) - 1].tension * f->over[i];
 }
 
 static void slope_whole(const struct machine *m, double t, const double *state, const struct held *held, double *rate) {
