@@ -22,18 +22,11 @@ Non-finite numbers must be respected: gcc turns choices into branches and back i
 the opposite of `x <= 0`, a NaN in one of two interleaved lanes spoils the result of the other.
 """
 
-GCC_FLAGS = (
-    *SCHEDULED,
-    "-fno-thread-jumps",
-    "-fno-tree-loop-distribution",
-    "-fno-tree-loop-distribute-patterns",
-    "--param=loop-max-datarefs-for-datadeps=100000",
-)
-"""Additional flags of gcc: scheduling limited by register pressure, and no jump threading or loop distribution.
+GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps", "--param=loop-max-datarefs-for-datadeps=100000")
+"""Additional flags of gcc: scheduling limited by register pressure, and no jump threading.
 
 By default it turns choices into branches, threads these, and turns the result into several masks each; and it does not
-vectorise loops with more than a thousand reads and writes, such as that of a machine with heavy ropes. Distributing
-such a loop over several finds nothing in a quarter of a build's time.
+vectorise loops with more than a thousand reads and writes, such as that of a machine with heavy ropes.
 """
 
 
