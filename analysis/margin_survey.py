@@ -109,6 +109,8 @@ class MarginSurvey:
         threads: int | None = None,
         openings: Collection[str] = (*LOOP_OPENINGS, BOTH),
         amplitudes: Collection[float] = (0.0,),
+        *,
+        compiled: bool = True,
     ) -> None:
         """Set up a survey.
 
@@ -119,7 +121,9 @@ class MarginSurvey:
             openings: one at a time; `margins.BOTH`: both torques change alike.
             amplitudes: of the speed error in m/s; 0: infinitesimal motions. Ignored for laws without odd powers of
                 it, whose margins do not depend on the amplitude.
+            compiled: whether the loop's sample is compiled; for a single set of gains interpretation is quicker.
         """
+        self._compiled = compiled
         self.machines, self._threads, self._openings = tuple(machines), threads, openings
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
         nominal = [given.nominal if isinstance(given, Scenario) else None for given in machines]
@@ -150,7 +154,7 @@ class MarginSurvey:
         Raises:
             DualwinchError: no compiler or no usable cache folder.
         """
-        open_sample(self._structure, compiled=True)
+        open_sample(self._structure, compiled=self._compiled)
 
     def worst(
         self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
@@ -271,7 +275,7 @@ class MarginSurvey:
         """Steady states of machines with their own gains at some points; NaN without steady motion."""
         x, v = np.array([self._points[machine][point] for machine, point in places]).T
         parameters = self._parameters[[machine for machine, _ in places]]
-        found = loop_operating_points(self._structure, parameters, x, v)
+        found = loop_operating_points(self._structure, parameters, x, v, compiled=self._compiled)
         return list(np.where(found.steady[:, None], found.state, np.nan))
 
     def _of_places(
@@ -303,7 +307,9 @@ class MarginSurvey:
             at = place[mine] if index else mine
             steep = self._with_describing_slope(size, parameters[at])
             begun = None if first is None else first[at]
-            found = loop_operating_points(self._structure, steep, x[at], v[at], near[at], begun=begun)
+            found = loop_operating_points(
+                self._structure, steep, x[at], v[at], near[at], begun=begun, compiled=self._compiled
+            )
             if first is None:
                 first, mine = found, np.flatnonzero(amplitude == index)
                 found = found[place[mine]]

@@ -184,8 +184,9 @@ def loop_operating_points(
         middle = _first_guesses(structure, sample, accepting[away], mid_track, v[away], known)
         middle = _completed_by_least_squares(sample, middle, _newton(sample, middle, ITERATIONS))
         away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
-        there = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
-        found[away[there.steady]] = there[np.flatnonzero(there.steady)]
+        if len(away):
+            there = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
+            found[away[there.steady]] = there[np.flatnonzero(there.steady)]
     found = _completed_by_least_squares(sample, start, found)
     if sample.learnt.size:
         found = _newton(sample, replace(found, parameters=parameters), ITERATIONS)

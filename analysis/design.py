@@ -1,0 +1,295 @@
+"""Design of a controller for a machine: formulas (`controllers.presets.designed`), verified by stability margins.
+
+1. Parts: the sliding-mode law with its observer, a filter that estimates the disturbance, and winches in tension control.
+   Parts that have these gains stay as they are.
+2. Gains by the formulas.
+3. Margins of the nominal machine and of some drawn ones: at rest and at speed, at mid-track and near the ends, in every
+   loop, for small and for large speed errors (`analysis.margin_survey`, `analysis.resonance`).
+4. The standard deviation of the tensions by noise of the sensors, from the Lyapunov equation of the closed loop at rest at
+   mid-track: four of them below the least tension, so that noise makes no rope slack.
+5. While one of these is violated, what violates it gives way to 70 %: for margins, what oscillates there, by its
+   frequency. Far below the bandwidth (by LAG_RATIO) it is integral action, above that of the drums on their ropes the
+   damping of the drums, and in between the bandwidth; for noise it is the bandwidth.
+"""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR
+from dualwinch.analysis.linear_loop import fastest_growing, linear_closed_loop
+from dualwinch.analysis.margin_survey import UNSTABLE, MarginSurvey, WorstMargin, comparable_value
+from dualwinch.analysis.resonance import LARGE_SIGNAL, RESONANCE
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
+from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import Nftsm
+from dualwinch.controllers.presets.designed import (
+    LAG_RATIO,
+    BandwidthLimit,
+    LoopTiming,
+    Shares,
+    bandwidth_limits,
+    bandwidth_of,
+    designed_controller,
+)
+from dualwinch.model.arguments import instance
+from dualwinch.model.drum_on_rope import drum_frequency
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.properties import is_stable
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.scalar import present
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of
+from dualwinch.simulation.scenario import Scenario
+
+LEAST_MARGINS = {"disk": 0.4, "delay": 1e-3, RESONANCE: 1.0, LARGE_SIGNAL: 1.0}
+"""Kind of margin → its bound: radius of the disk, delay in s, and factors on the loop gain at the drums' resonance."""
+
+SIGMAS = 4.0
+"""Standard deviations of a tension by noise that stay below the least tension: one sample in 16 000 is beyond."""
+
+DRAWS = 3
+"""Drawn machines on which a design is verified besides the nominal one."""
+
+NOISE = "noise"
+"""Name of the bound on the noise of the tensions."""
+
+STEP, STEPS = 0.7, 16
+"""Factor by which a loop gives way, and how often at most."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """A controller designed for a machine, what limits its bandwidth, and its margins.
+
+    Attributes:
+        experiment: the machine with the controller.
+        limits: bandwidths in rad/s that properties of the machine allow.
+        shares: what the verification left of bandwidth, damping and integral action.
+        margins: kind → the smallest margin of the machines, index 0 the nominal one.
+        bounds: kind → its bound.
+        noise: standard deviation of a tension in N by noise of the sensors; infinite for an unstable loop.
+        machines: number of machines on which margins are verified.
+    """
+
+    experiment: Experiment
+    limits: tuple[BandwidthLimit, ...]
+    shares: Shares
+    margins: Mapping[str, WorstMargin]
+    bounds: Mapping[str, float]
+    noise: float
+    machines: int
+
+    @property
+    def controller(self) -> Controller:
+        """The controller."""
+        return self.experiment.controller
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth of the position loop in rad/s."""
+        return bandwidth_of(self.limits, self.shares)
+
+    @property
+    def violations(self) -> tuple[str, ...]:
+        """Kinds of margins below their bounds, and `NOISE`; empty for a verified design."""
+        return tuple(kind for kind, share in self.kept_shares.items() if share < 1)
+
+    @property
+    def kept_shares(self) -> dict[str, float]:
+        """Kind of margin, or `NOISE` → how much of its bound is kept; 1 or more: all of it."""
+        shares = {kind: self.margins[kind].value / bound for kind, bound in self.bounds.items()}
+        quiet = float(self.controller.limits.tension_min) / SIGMAS
+        return shares | {NOISE: quiet / self.noise if self.noise else math.inf}
+
+    def __str__(self) -> str:
+        """The bandwidth, what limits it, and the margins, in five lines."""
+        ordered = sorted(self.limits, key=lambda limit: limit.bandwidth)
+        causes = dict[str, float]()
+        for limit in ordered:
+            causes.setdefault(limit.cause, limit.bandwidth)
+        bound, *rest = causes.items()
+        timing = timing_of(self.experiment)
+        shares = [
+            f"{what} {100 * share:.0f} %"
+            for what, share in vars(self.shares).items()
+            if share < 1
+        ]
+        margins = ", ".join(_margin(kind, margin.value) for kind, margin in self.margins.items())
+        left = f"margins leave of it: {', '.join(shares)}" if shares else "margins leave all of it"
+        below = f"; below its bound: {', '.join(self.violations)}" if self.violations else ""
+        return "\n".join(
+            [
+                f"bandwidth {self.bandwidth:.3g} rad/s, limited by {bound[0]} ({bound[1]:.3g} rad/s)",
+                "next: " + ", ".join(f"{cause} ({value:.3g} rad/s)" for cause, value in rest),
+                f"lag {1e3 * timing.lag:.3g} ms: drive {1e3 * timing.drive:.3g}, load cell {1e3 * timing.load_cell:.3g}, "
+                f"{1.5 + timing.delay_samples:g} samples {1e3 * timing.sampling:.3g} ms",
+                left,
+                f"least margins of {self.machines} machines: {margins}; noise of the tensions {self.noise:.3g} N{below}",
+            ]
+        )
+
+
+def _margin(kind: str, value: float) -> str:
+    return f"{kind.replace('_', ' ')} {1e3 * value:.3g} ms" if kind == "delay" else f"{kind.replace('_', ' ')} {value:.3g}"
+
+
+def timing_of(experiment: Experiment) -> LoopTiming:
+    """Lags of the loop of an experiment."""
+    values = leaves(experiment)
+    return LoopTiming(
+        drive=values.get("actuator.motor.time_constant", 0.0),
+        load_cell=experiment.sensors.load_cell_time_constant,
+        sample_time=experiment.simulation.sample_time,
+        delay_samples=experiment.simulation.delay_samples,
+    )
+
+
+def with_designed_parts(experiment: Experiment) -> Experiment:
+    """The experiment with the parts of a design in place of those that do not have its gains."""
+    controller = experiment.controller
+    known = leaves(controller)
+    if not isinstance(controller.law, Nftsm):
+        controller = replace(controller, law=FandoNftsm())
+    if "kalman.bandwidth" not in known:
+        controller = replace(controller, estimator=CalibratingKalman())
+    sags = any(present(side.rope.submerged_weight) for side in experiment.plant.sides)
+    if "winch_1.damping" not in known or (sags and not isinstance(controller.coordination, ProportionalTension)):
+        controller = replace(controller, coordination=ProportionalTension())
+    return replace(experiment, controller=controller)
+
+
+def formula_design(experiment: Experiment, shares: Shares = Shares(), kept: Collection[str] = ()) -> Experiment:
+    """The experiment with the gains of the formulas, but for `kept` keys; its parts must have them."""
+    controller = designed_controller(
+        experiment.controller,
+        experiment.plant,
+        timing_of(experiment),
+        largest_speed_error=LARGEST_SPEED_ERROR,
+        speed_noise=experiment.sensors.speed_noise,
+        shares=shares,
+    )
+    designed = replace(experiment, controller=controller)
+    values = leaves(experiment)
+    return with_leaves(designed, {key: values[key] for key in kept if key in values and key.startswith("controller.")})
+
+
+def designed(
+    machine: Experiment | Ensemble,
+    *,
+    kept: Collection[str] = (),
+    bounds: Mapping[str, float] = LEAST_MARGINS,
+    draws: int = DRAWS,
+    seed: int = 0,
+    compiled: bool = False,
+) -> Design:
+    """Design a controller for a machine by formulas, and verify it by its margins.
+
+    See `analysis.design` for the steps and `controllers.presets.designed` for the formulas. The gains are a start for
+    `tune`, stable and damped on any machine, not an optimum.
+
+    Args:
+        machine: an experiment, or an ensemble, from which further machines are drawn for the verification. Limits,
+            preload and the nominal model stay as they are.
+        kept: keys of gains that stay as they are.
+        bounds: kind of margin (`analysis.margins.MARGIN_KINDS`, ``resonance``, ``large_signal``) → its least value.
+        draws: number of drawn machines.
+        seed: of the draws.
+        compiled: whether to compile the loop for its margins, which takes longer once.
+
+    Returns:
+        The design; `Design.violations` names margins below their bounds.
+
+    Raises:
+        ConfigurationError: no machine.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> design = dw.designed(dw.case(4), draws=0)
+        >>> f"{design.bandwidth:.3g} rad/s"
+        '1 rad/s'
+    """
+    instance("machine", machine, (Experiment, Ensemble))
+    base = machine.experiment if isinstance(machine, Ensemble) else machine
+    base = formula_design(with_designed_parts(base), kept=kept)
+    drawn = replace(machine, experiment=base).chosen(range(draws), seed) if isinstance(machine, Ensemble) else []
+    machines: list[Experiment | Scenario] = [base, *drawn]
+    amplitudes = sorted({base.sensors.speed_noise, 0.01, LARGEST_SPEED_ERROR})
+    names = [name for name in parameters_of(base) if name.startswith("controller.")]
+    survey = MarginSurvey(machines, names, amplitudes=amplitudes, compiled=compiled)
+    shares, trials = Shares(), list[Design]()
+    for _ in range(STEPS):
+        experiment = formula_design(base, shares, kept)
+        values = leaves(experiment)
+        (margins,) = survey.worst([[values[name] for name in names]], tuple(bounds))
+        limits = bandwidth_limits(experiment.controller, experiment.plant, timing_of(experiment), shares)
+        design = Design(experiment, limits, shares, margins, bounds, tension_noise(experiment), len(machines))
+        trials.append(design)
+        if not design.violations:
+            return design
+        shares = _giving_way(design, machines)
+    return max(trials, key=lambda design: min(design.kept_shares.values()))
+
+
+def tension_noise(experiment: Experiment) -> float:
+    """Largest standard deviation of a tension in N by noise of the sensors, at rest at mid-track; infinite if unstable.
+
+    Solves the Lyapunov equation of the sampled loop; rounding of the position counts as uniform noise.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    sensors = experiment.sensors
+    deviations = {
+        "position_noise": math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12)),
+        "speed_noise": sensors.speed_noise,
+        "tension_1_noise": sensors.tension_noise,
+        "tension_2_noise": sensors.tension_noise,
+    }
+    try:
+        loop = linear_closed_loop(experiment)
+    except ConfigurationError:
+        return math.inf  # no steady motion
+    if not is_stable(loop):
+        return math.inf
+    scale = np.array([deviations.get(name, 0.0) for name in loop.inputs])
+    rows = [loop.outputs.index(name) for name in ("F1", "F2")]
+    into, out, direct = loop.B * scale, loop.C[rows], loop.D[rows] * scale
+    covariance = out @ solve_discrete_lyapunov(loop.A, into @ into.T) @ out.T + direct @ direct.T
+    return math.sqrt(max(0.0, *np.diag(covariance)))
+
+
+def _giving_way(design: Design, machines: Sequence[Experiment | Scenario]) -> Shares:
+    """The shares after one more step: what oscillates at the margin furthest below its bound gives way."""
+    shares = design.shares
+    kind = min((kind for kind in design.violations if kind != NOISE), key=design.kept_shares.__getitem__, default=NOISE)
+    if kind == NOISE:
+        return replace(shares, bandwidth=STEP * shares.bandwidth)
+    frequency = _frequency(design, design.margins[kind], machines)
+    plant, tension = design.experiment.plant, design.controller.limits.preload / 2
+    length = plant.track.length / 2
+    swing = max(float(drum_frequency(side, tension, length, plant.track)) for side in plant.sides)
+    if frequency < design.bandwidth / LAG_RATIO:
+        return replace(shares, integral=STEP * shares.integral)
+    if frequency > 2 * swing:
+        return replace(shares, damping=STEP * shares.damping)
+    return replace(shares, bandwidth=STEP * shares.bandwidth)
+
+
+def _frequency(design: Design, margin: WorstMargin, machines: Sequence[Experiment | Scenario]) -> float:
+    """Angular frequency in rad/s of the oscillation at a margin; NaN if it is unknown."""
+    if not margin.reason:
+        return margin.frequency
+    machine = machines[margin.machine]
+    experiment = machine.experiment if isinstance(machine, Scenario) else machine
+    if margin.reason == UNSTABLE:
+        with suppress(ConfigurationError):
+            loop = linear_closed_loop(replace(experiment, controller=design.controller), margin.x, margin.v)
+            mode = fastest_growing(loop, experiment.plant)
+            return math.nan if mode is None else mode.natural_frequency
+    return math.nan

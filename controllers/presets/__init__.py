@@ -1,0 +1,1 @@
+"""Controllers by name: gains designed for a machine."""

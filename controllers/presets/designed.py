@@ -1,0 +1,192 @@
+"""Gains of the sliding-mode controller for a machine: formulas of its lag, its ropes and its drums.
+
+The design has two parameters, `RESONANCE_MARGIN` and `LAG_RATIO`; everything else follows from the machine.
+
+1. **Damping of the drums** d in N s/m at the rim: the wave impedance sqrt(E A mu) of the rope
+   (`controllers.coordinations.winch_pid`), and at most m/(LAG_RATIO lag), so that the crossover of the damping stays well
+   below the lag of drive, samples and load cell. m is the moving mass of drum and rope (`model.drum_on_rope`).
+2. **Bandwidth** w, the smallest of: 1/(LAG_RATIO lag); the rule of the drums' resonance (`analysis.resonance`) with the
+   margin RESONANCE_MARGIN, ``kv + L + ki G/R <= d/(RESONANCE_MARGIN m)``; and the first frequency of the spans over the
+   same margin.
+3. **Law.** Inside the boundary layer and below its smoothing the law is linear, per mass ``kp = eta + k/phi`` and ``kv =
+   y q/p + kp/y`` with ``y = beta smoothing^(1 − p/q)``. Critical damping, ``kp = w²`` and ``kv = 2 w``, is a quadratic
+   equation in y; of its roots the larger makes the slope grow less with the speed error. The smoothing is such that up
+   to the largest speed error the slope does not exceed that at rest: what is stable at rest is stable after a push. The
+   boundary layer ends where the ropes' force does.
+4. **Filter**: bandwidth 2 w; all of the disturbance is compensated. What encoders tell of the vehicle's position is as
+   uncertain as half the stretch of a rope. The law's own observer removes what the filter does not see, friction of drums
+   and rollers: with w/50 at small errors, and as fast as the loop, with w more, at large ones.
+5. **Tension loops**: ki = w/16 and kp = 1/100 times the lever from tension to torque.
+
+Reference for 3: Khalil, Nonlinear Systems, 2002, Sections 7.2 and 14.1.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
+from dualwinch.controllers.nominal import nominal_plant
+from dualwinch.model.drum_on_rope import moving_mass, span_frequency, tangent_rigidity, wave_impedance
+from dualwinch.model.plant import Plant, Side
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.scalar import present
+from dualwinch.model.vehicle import inertia
+
+RESONANCE_MARGIN = 2.0
+"""Factor by which the loop gain at the drums' resonance may rise before it is 1."""
+
+LAG_RATIO = 4.0
+"""Least ratio of a loop's time constant to the lag in it: at the crossover the lag costs a phase of 14 degrees."""
+
+OBSERVER, TENSION_INTEGRAL, TENSION_PROPORTIONAL = 1 / 50, 1 / 16, 1 / 100
+"""Gains over the bandwidth, of the law's observer at small errors and of the integral of the tension; and the
+proportional gain on the tension."""
+
+FEEDBACK = 2.0 + OBSERVER + TENSION_INTEGRAL
+"""What returns from a drum's speed in 1/s over the bandwidth: kv + L + ki G/R."""
+
+
+@dataclass(frozen=True)
+class LoopTiming:
+    """Lags of a loop besides the plant."""
+
+    drive: Annotated[float, Quantity("s", "lag of the drives")]
+    load_cell: Annotated[float, Quantity("s", "lag of the load cells")]
+    sample_time: Annotated[float, Quantity("s", "sampling period of the controller")]
+    delay_samples: Annotated[int, Quantity("1", "delay of torque commands, in samples")]
+
+    @property
+    def sampling(self) -> float:
+        """Lag by samples in s: one for the computer and half of one for the hold, and the delay of commands."""
+        return (1.5 + self.delay_samples) * self.sample_time
+
+    @property
+    def lag(self) -> float:
+        """Sum of the lags in s."""
+        return self.drive + self.load_cell + self.sampling
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of the formulas' values that margins leave: of the bandwidth, the drums' damping and integral action."""
+
+    bandwidth: Annotated[float, Quantity("1", "share of the bandwidth")] = 1.0
+    damping: Annotated[float, Quantity("1", "share of the damping of the drums")] = 1.0
+    integral: Annotated[float, Quantity("1", "share of the gains of observer and tension integrals")] = 1.0
+
+
+@dataclass(frozen=True)
+class BandwidthLimit:
+    """The bandwidth of the position loop that one property of the machine allows."""
+
+    cause: Annotated[str, Quantity("", "property of the machine")]
+    bandwidth: Annotated[float, Quantity("rad/s", "largest bandwidth that it allows")]
+
+
+def drum_damping(side: Side, controller: Controller, plant: Plant, timing: LoopTiming) -> float:
+    """Damping of a drum in N s/m at its rim (step 1)."""
+    length = plant.track.length / 2
+    impedance = wave_impedance(side.rope, controller.limits.preload / 2, length)
+    return min(float(impedance), float(moving_mass(side, length, plant.track)) / (LAG_RATIO * timing.lag))
+
+
+def bandwidth_limits(
+    controller: Controller, plant: Plant, timing: LoopTiming, shares: Shares = Shares()
+) -> tuple[BandwidthLimit, ...]:
+    """The bandwidths that lag, drums and spans allow (step 2), with shares of damping and integrals."""
+    length, tension = plant.track.length / 2, controller.limits.preload / 2
+    limits = [BandwidthLimit("lag of drive, samples and load cell", 1 / (LAG_RATIO * timing.lag))]
+    for side in plant.sides:
+        mass = float(moving_mass(side, length, plant.track))
+        rope_damping = float(side.rope.tangent(tension, length)[1])
+        rate = (shares.damping * drum_damping(side, controller, plant, timing) + rope_damping) / mass
+        limits.append(
+            BandwidthLimit(f"resonance of drum {side.number} on its rope", rate / (RESONANCE_MARGIN * FEEDBACK))
+        )
+        if present(side.rope.submerged_weight):
+            sag = float(span_frequency(side.rope, tension, length, plant.track))
+            limits.append(BandwidthLimit(f"sag of rope {side.number} in its spans", sag / RESONANCE_MARGIN))
+    return tuple(limits)
+
+
+def bandwidth_of(limits: tuple[BandwidthLimit, ...], shares: Shares = Shares()) -> float:
+    """Bandwidth in rad/s of a design: the share of the smallest limit."""
+    return shares.bandwidth * min(limit.bandwidth for limit in limits)
+
+
+def designed_controller(
+    controller: Controller,
+    plant: Plant,
+    timing: LoopTiming,
+    *,
+    largest_speed_error: float,
+    speed_noise: float = 0.0,
+    shares: Shares = Shares(),
+) -> Controller:
+    """A controller with the gains of the design; parts, limits and gains without a formula stay.
+
+    Args:
+        controller: with the sliding-mode law; gains that its parts do not have are left out.
+        plant: that of the data sheets.
+        timing: lags of the loop.
+        largest_speed_error: in m/s, up to which the law's slope does not exceed that at rest.
+        speed_noise: of the speed sensor in m/s; the filter assumes half as much again, for a wheel that slips.
+        shares: of bandwidth, damping and integral action.
+    """
+    bandwidth = bandwidth_of(bandwidth_limits(controller, plant, timing, shares), shares)
+    vehicle_mass = float(inertia(nominal_plant(controller.nominal, plant, controller.limits.preload).vehicle))
+    gains = _law(controller, vehicle_mass, bandwidth, largest_speed_error, shares.integral)
+    stretches = []
+    for side in plant.sides:
+        length, tension = plant.track.length / 2, controller.limits.preload / 2
+        stretches.append(tension * length / float(tangent_rigidity(side.rope, tension, length, plant.track)))
+        winch, radius = f"winch_{side.number}", side.winch.drum_radius
+        lever = radius / side.winch.gear_ratio
+        gains |= {
+            f"{winch}.kp": TENSION_PROPORTIONAL * lever,
+            f"{winch}.ki": shares.integral * TENSION_INTEGRAL * bandwidth * lever,
+            f"{winch}.damping": shares.damping * drum_damping(side, controller, plant, timing) * radius * lever,
+            f"{winch}.lead": LEAD * timing.drive,
+        }
+    gains |= {
+        "kalman.bandwidth": 2 * bandwidth,
+        "kalman.ramp": 0.2,
+        "kalman.compensation": 1.0,
+        "kalman.encoder_noise": max(stretches) / 2,
+    }
+    if speed_noise:
+        gains["kalman.speed_noise"] = 1.5 * speed_noise
+    known = leaves(controller)
+    return with_leaves(controller, {key: value for key, value in gains.items() if key in known})
+
+
+LEAD = 0.4
+"""Lead of the drums' damping as a share of the drives' lag.
+
+It doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
+frequencies above that resonance: the delay margin on short ropes shrinks.
+"""
+
+
+def _law(controller: Controller, mass: float, bandwidth: float, largest_speed_error: float, integral: float) -> dict[str, float]:
+    """Gains of the sliding-mode law and its observer (step 3)."""
+    law = controller.law
+    gains = law.nftsm if isinstance(law, Nftsm) else NftsmGains()
+    ratio, stiffness = gains.p / gains.q, bandwidth**2
+    slope = bandwidth * (ratio + math.sqrt(ratio**2 - ratio))  # y of y/ratio + kp/y = 2 w
+    growth = slope**2 / (ratio * stiffness)  # of the surface's slope: the terminal one's has fallen by as much
+    smoothing = largest_speed_error / math.sqrt(growth ** (2 / (ratio - 1)) - 1)
+    reaching = stiffness / (1 + NftsmGains.eta * NftsmGains.phi / NftsmGains.k)
+    acceleration = float(controller.limits.force) / mass
+    return {
+        "nftsm.smoothing": smoothing,
+        "nftsm.beta": slope * smoothing ** (ratio - 1),
+        "nftsm.k": acceleration,
+        "nftsm.phi": acceleration / reaching,
+        "nftsm.eta": stiffness - reaching,
+        "observer.l0": integral * OBSERVER * bandwidth,
+        "observer.kf": integral * bandwidth,
+    }
