@@ -1,15 +1,15 @@
 """Design of a controller for a machine: formulas (`controllers.presets.designed`), verified by stability margins.
 
-1. Parts: the sliding-mode law with its observer, a filter that estimates the disturbance, and winches in tension control.
-   Parts that have these gains stay as they are.
+1. Parts: the sliding-mode law with its observer, a filter that estimates the disturbance, and winches in tension
+   control. Parts that have these gains stay as they are.
 2. Gains by the formulas.
 3. Margins of the nominal machine and of some drawn ones: at rest and at speed, at mid-track and near the ends, in every
    loop, for small and for large speed errors (`analysis.margin_survey`, `analysis.resonance`).
-4. The standard deviation of the tensions by noise of the sensors, from the Lyapunov equation of the closed loop at rest at
-   mid-track: four of them below the least tension, so that noise makes no rope slack.
-5. While one of these is violated, what violates it gives way to 70 %: for margins, what oscillates there, by its
-   frequency. Far below the bandwidth (by LAG_RATIO) it is integral action, above that of the drums on their ropes the
-   damping of the drums, and in between the bandwidth; for noise it is the bandwidth.
+4. The standard deviation of the tensions by noise of the sensors, from the Lyapunov equation of the closed loop at rest
+   at mid-track: four of them below the least tension, so that noise makes no rope slack.
+5. While one of these is violated, what violates it gives way to 70 %: for noise the bandwidth; for margins what
+   oscillates there, by its frequency: far below the bandwidth (by LAG_RATIO) integral action, far above that of the
+   drums on their ropes (by two) the damping of the drums with the bandwidth, otherwise the bandwidth.
 """
 
 import math
@@ -21,14 +21,15 @@ import numpy as np
 
 from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR
 from dualwinch.analysis.linear_loop import fastest_growing, linear_closed_loop
-from dualwinch.analysis.margin_survey import UNSTABLE, MarginSurvey, WorstMargin, comparable_value
+from dualwinch.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, WorstMargin
 from dualwinch.analysis.resonance import LARGE_SIGNAL, RESONANCE
+from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
-from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.presets.designed import (
+    ALL,
     LAG_RATIO,
     BandwidthLimit,
     LoopTiming,
@@ -46,6 +47,7 @@ from dualwinch.model.scalar import present
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 
 LEAST_MARGINS = {"disk": 0.4, "delay": 1e-3, RESONANCE: 1.0, LARGE_SIGNAL: 1.0}
@@ -60,7 +62,7 @@ DRAWS = 3
 NOISE = "noise"
 """Name of the bound on the noise of the tensions."""
 
-STEP, STEPS = 0.7, 16
+STEP, STEPS = 0.7, 10
 """Factor by which a loop gives way, and how often at most."""
 
 
@@ -70,12 +72,13 @@ class Design:
 
     Attributes:
         experiment: the machine with the controller.
-        limits: bandwidths in rad/s that properties of the machine allow.
+        limits: bandwidths that properties of the machine allow, the smallest first.
         shares: what the verification left of bandwidth, damping and integral action.
         margins: kind → the smallest margin of the machines, index 0 the nominal one.
         bounds: kind → its bound.
         noise: standard deviation of a tension in N by noise of the sensors; infinite for an unstable loop.
         machines: number of machines on which margins are verified.
+        unsteady: share of their operating points that have no steady motion with any gains, and no margins.
     """
 
     experiment: Experiment
@@ -85,6 +88,7 @@ class Design:
     bounds: Mapping[str, float]
     noise: float
     machines: int
+    unsteady: float
 
     @property
     def controller(self) -> Controller:
@@ -110,34 +114,30 @@ class Design:
 
     def __str__(self) -> str:
         """The bandwidth, what limits it, and the margins, in five lines."""
-        ordered = sorted(self.limits, key=lambda limit: limit.bandwidth)
-        causes = dict[str, float]()
-        for limit in ordered:
-            causes.setdefault(limit.cause, limit.bandwidth)
-        bound, *rest = causes.items()
+        limit, *others = self.limits
         timing = timing_of(self.experiment)
-        shares = [
-            f"{what} {100 * share:.0f} %"
-            for what, share in vars(self.shares).items()
-            if share < 1
-        ]
-        margins = ", ".join(_margin(kind, margin.value) for kind, margin in self.margins.items())
-        left = f"margins leave of it: {', '.join(shares)}" if shares else "margins leave all of it"
-        below = f"; below its bound: {', '.join(self.violations)}" if self.violations else ""
+        lags = f"drive {1e3 * timing.drive:.3g} ms, load cell {1e3 * timing.load_cell:.3g} ms"
+        samples = f"{1.5 + timing.delay_samples:g} samples {1e3 * timing.sampling:.3g} ms"
+        shares = [f"{100 * share:.0f} % of the {what}" for what, share in self.shares.named.items() if share < 1]
+        margins = ", ".join(
+            f"{kind.replace('_', ' ')} {_in_unit(kind, self.margins[kind].value)} (at least {_in_unit(kind, bound)})"
+            for kind, bound in self.bounds.items()
+        )
+        unsteady = f"; no steady motion at {100 * self.unsteady:.0f} % of the points" if self.unsteady else ""
+        below = f"; violated: {', '.join(self.violations)}" if self.violations else ""
         return "\n".join(
-            [
-                f"bandwidth {self.bandwidth:.3g} rad/s, limited by {bound[0]} ({bound[1]:.3g} rad/s)",
-                "next: " + ", ".join(f"{cause} ({value:.3g} rad/s)" for cause, value in rest),
-                f"lag {1e3 * timing.lag:.3g} ms: drive {1e3 * timing.drive:.3g}, load cell {1e3 * timing.load_cell:.3g}, "
-                f"{1.5 + timing.delay_samples:g} samples {1e3 * timing.sampling:.3g} ms",
-                left,
-                f"least margins of {self.machines} machines: {margins}; noise of the tensions {self.noise:.3g} N{below}",
-            ]
+            (
+                f"bandwidth {self.bandwidth:.3g} rad/s; the machine allows {limit}",
+                f"beyond that: {', '.join(str(each) for each in others)}",
+                f"lag {1e3 * timing.lag:.3g} ms: {lags}, {samples}",
+                f"margins and noise leave {', '.join(shares) or 'all of it'}; noise of a tension {self.noise:.3g} N",
+                f"least margins of {self.machines} machine{'s' * (self.machines > 1)}: {margins}{below}{unsteady}",
+            )
         )
 
 
-def _margin(kind: str, value: float) -> str:
-    return f"{kind.replace('_', ' ')} {1e3 * value:.3g} ms" if kind == "delay" else f"{kind.replace('_', ' ')} {value:.3g}"
+def _in_unit(kind: str, margin: float) -> str:
+    return f"{1e3 * margin:.3g} ms" if kind == "delay" else f"{margin:.3g}"
 
 
 def timing_of(experiment: Experiment) -> LoopTiming:
@@ -155,7 +155,7 @@ def with_designed_parts(experiment: Experiment) -> Experiment:
     """The experiment with the parts of a design in place of those that do not have its gains."""
     controller = experiment.controller
     known = leaves(controller)
-    if not isinstance(controller.law, Nftsm):
+    if not isinstance(controller.law, SLIDING_MODE):
         controller = replace(controller, law=FandoNftsm())
     if "kalman.bandwidth" not in known:
         controller = replace(controller, estimator=CalibratingKalman())
@@ -165,7 +165,7 @@ def with_designed_parts(experiment: Experiment) -> Experiment:
     return replace(experiment, controller=controller)
 
 
-def formula_design(experiment: Experiment, shares: Shares = Shares(), kept: Collection[str] = ()) -> Experiment:
+def formula_design(experiment: Experiment, shares: Shares = ALL, kept: Collection[str] = ()) -> Experiment:
     """The experiment with the gains of the formulas, but for `kept` keys; its parts must have them."""
     controller = designed_controller(
         experiment.controller,
@@ -178,6 +178,11 @@ def formula_design(experiment: Experiment, shares: Shares = Shares(), kept: Coll
     designed = replace(experiment, controller=controller)
     values = leaves(experiment)
     return with_leaves(designed, {key: values[key] for key in kept if key in values and key.startswith("controller.")})
+
+
+def limits_of(experiment: Experiment, shares: Shares = ALL) -> tuple[BandwidthLimit, ...]:
+    """The bandwidths that properties of an experiment's machine allow."""
+    return bandwidth_limits(experiment.controller, experiment.plant, timing_of(experiment), shares)
 
 
 def designed(
@@ -207,29 +212,37 @@ def designed(
         The design; `Design.violations` names margins below their bounds.
 
     Raises:
-        ConfigurationError: no machine.
+        ConfigurationError: no machine, or one whose values contradict each other.
 
     Example:
         >>> import dualwinch as dw
-        >>> design = dw.designed(dw.case(4), draws=0)
+        >>> design = dw.designed(dw.case(4))
         >>> f"{design.bandwidth:.3g} rad/s"
-        '1 rad/s'
+        '51.4 rad/s'
     """
-    instance("machine", machine, (Experiment, Ensemble))
+    if not isinstance(machine, Ensemble):
+        instance("machine", machine, Experiment)
     base = machine.experiment if isinstance(machine, Ensemble) else machine
     base = formula_design(with_designed_parts(base), kept=kept)
+    prepare(base)
     drawn = replace(machine, experiment=base).chosen(range(draws), seed) if isinstance(machine, Ensemble) else []
     machines: list[Experiment | Scenario] = [base, *drawn]
     amplitudes = sorted({base.sensors.speed_noise, 0.01, LARGEST_SPEED_ERROR})
     names = [name for name in parameters_of(base) if name.startswith("controller.")]
     survey = MarginSurvey(machines, names, amplitudes=amplitudes, compiled=compiled)
-    shares, trials = Shares(), list[Design]()
+    values = leaves(base)
+    (of_loops,) = survey.of_loops([[values[name] for name in names]], ("disk",))
+    steady = np.flatnonzero([margins["disk"].reason != UNSTEADY for margins in of_loops])
+    points = steady if len(steady) else np.arange(len(of_loops))
+    shares, trials = ALL, list[Design]()
     for _ in range(STEPS):
         experiment = formula_design(base, shares, kept)
         values = leaves(experiment)
-        (margins,) = survey.worst([[values[name] for name in names]], tuple(bounds))
-        limits = bandwidth_limits(experiment.controller, experiment.plant, timing_of(experiment), shares)
-        design = Design(experiment, limits, shares, margins, bounds, tension_noise(experiment), len(machines))
+        (margins,) = survey.worst([[values[name] for name in names]], tuple(bounds), points)
+        limits, noise = limits_of(experiment, shares), tension_noise(experiment)
+        design = Design(
+            experiment, limits, shares, margins, bounds, noise, len(machines), 1 - len(steady) / len(of_loops)
+        )
         trials.append(design)
         if not design.violations:
             return design
@@ -240,7 +253,8 @@ def designed(
 def tension_noise(experiment: Experiment) -> float:
     """Largest standard deviation of a tension in N by noise of the sensors, at rest at mid-track; infinite if unstable.
 
-    Solves the Lyapunov equation of the sampled loop; rounding of the position counts as uniform noise.
+    Solves the Lyapunov equation of the sampled loop, with the observer's gain at small errors; rounding of the position
+    counts as uniform noise.
     """
     from scipy.linalg import solve_discrete_lyapunov
 
@@ -277,7 +291,7 @@ def _giving_way(design: Design, machines: Sequence[Experiment | Scenario]) -> Sh
     if frequency < design.bandwidth / LAG_RATIO:
         return replace(shares, integral=STEP * shares.integral)
     if frequency > 2 * swing:
-        return replace(shares, damping=STEP * shares.damping)
+        return replace(shares, bandwidth=STEP * shares.bandwidth, damping=STEP * shares.damping)
     return replace(shares, bandwidth=STEP * shares.bandwidth)
 
 

@@ -13,6 +13,7 @@ Many runs:
     Stepper                          a policy of your own, sample by sample
 
 Design:
+    designed                         a controller for a machine: formulas, verified by margins
     tune, stress, race               better gains, robustness margins, law against law
     linearise, modes, certify        linear models, margins, the paper's theorem
     identify                         a machine's parameters from its logs

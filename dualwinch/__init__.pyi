@@ -2,6 +2,8 @@
 
 from .analysis.describing_function import AmplitudePoint as AmplitudePoint
 from .analysis.describing_function import amplitude_sweep as amplitude_sweep
+from .analysis.design import Design as Design
+from .analysis.design import designed as designed
 from .analysis.idealisations import Idealisation as Idealisation
 from .analysis.idealisations import idealisations as idealisations
 from .analysis.large_signal import LargeSignalStability as LargeSignalStability

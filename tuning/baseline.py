@@ -3,7 +3,6 @@
 import math
 from collections.abc import Collection
 
-from dualwinch.analysis.resonance import matched_damping
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.model.plant import Plant, is_distributed
 from dualwinch.model.quantities.tree import leaves
@@ -84,25 +83,15 @@ def default_reserve(ensemble: Ensemble) -> float:
 def starting_gains(ensemble: Ensemble) -> dict[str, float]:
     """Key → start value of a gain for which the paper's own does not suit the machines of an ensemble.
 
-    Where ropes have mass, gears are elastic or winches are heavy: damping of the drums that matches the wave impedance
-    of the ropes and leads the lag of the drives (`controllers.coordinations.winch_pid`), a higher preload, and the
-    filter's estimate of the disturbance and of its rate in place of the law's observer. The observer's gain enters the
-    loop gain at the drums' resonance (`analysis.resonance`); the filter, driven by measured tensions, sees
-    no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below the speed error where its
-    odd powers are smoothed, damping is proportional to speed. Unsmoothed powers damp small motions so much that an
-    error of half a millimetre takes a second to decay. The remaining values are the noise of the position sensor, with
-    its rounding, to one digit, and prior deviations of the parameters that the self-calibrating filter learns.
+    Where ropes have mass, gears are elastic or winches are heavy: a higher preload. The remaining values are the noise
+    of the position sensor, with its rounding, to one digit, and prior deviations of the parameters that the
+    self-calibrating filter learns. The gains of law, filter and winches are designed (`analysis.design`).
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, gains = experiment.plant, dict[str, float]()
     if swings(plant):
         gains["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
-        gains |= STIFF if "controller.kalman.compensation" in known else {}
     for side in plant.sides if swings(plant) else ():
-        gains[f"controller.winch_{side.number}.damping"] = matched_damping(experiment, side.number)
-        gains[f"controller.winch_{side.number}.lead"] = LEAD * known.get(DRIVE, 0.0)
-        lever = side.winch.drum_radius / side.winch.gear_ratio
-        gains |= {f"controller.winch_{side.number}.{gain}": value * lever for gain, value in TENSION_LOOP.items()}
         if side.winch.gear_stiffness:
             gains["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
         if side.rope.submerged_weight:
@@ -116,37 +105,8 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
     return {key: value for key, value in gains.items() if key in known}
 
 
-DRIVE, LEAD = "actuator.motor.time_constant", 0.4
-"""Key of the drives' lag, and the damping's lead as a share of it.
-
-The lead doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
-frequencies above that resonance: the delay margin on short ropes shrinks.
-"""
-
 MORE_PRELOAD = 1.8
 """Factor on the preload that keeps ropes of swinging drums taut, so that a search starts from feasible gains."""
-
-STIFF = {
-    "controller.kalman.compensation": 1.0,
-    "controller.kalman.ramp": 0.2,
-    "controller.kalman.speed_noise": 3e-3,
-    "controller.kalman.encoder_noise": 8e-4,
-    "controller.kalman.bandwidth": 14.0,
-    "controller.observer.l0": 0.2,
-    "controller.nftsm.phi": 0.01,
-    "controller.nftsm.beta": 0.3,
-    SMOOTHING: 2e-3,
-    "controller.nftsm.linear_speed": 0.01,
-}
-"""Gains of a stiff and smooth law whose filter compensates the disturbance, where drums swing.
-
-Above 1 cm/s, a speed error that only a push leaves, the law is linear (`controllers.laws.nftsm`).
-
-Noise of wheel and encoders exceeds their own: they observe the vehicle through ropes that stretch and sag.
-"""
-
-TENSION_LOOP = {"kp": 0.009, "ki": 0.45}
-"""Gains of the tension loops over the lever from tension to torque: higher ones make swinging drums swing more."""
 
 SWING = 1.6
 """Factor on the reserve for the overshoot of the tensions of swinging drums."""

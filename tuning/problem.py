@@ -23,7 +23,7 @@ from dualwinch.tuning.constraints import Constraint, MarginStatistic
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
 
-TRAINING, CHECKS, CERTIFICATE, TEST, SEARCH = "training", "checks", "certificate", "test", "search"
+TRAINING, CHECKS, CERTIFICATE, TEST, SEARCH, DESIGN = "training", "checks", "certificate", "test", "search", "design"
 """Names of a study's random streams; no two share a draw, for any seed (`TuningProblem.stream`)."""
 
 STEADY_PREFIX = "steady_"
@@ -60,6 +60,8 @@ class TuningProblem:
         choices: the defaults chosen for this problem, each with its reason, in words.
         starts: controllers of the same parts, from whose gains the search may begin as well; the better begins
             (`tuning.scoring.starts`).
+        kept: keys whose values a design of the start keeps (`analysis.design`); the designed controller is one more
+            start then. ``None``: no design.
     """
 
     experiment: Experiment
@@ -72,6 +74,7 @@ class TuningProblem:
     options: TuningOptions = field(default_factory=TuningOptions)
     choices: tuple[str, ...] = field(default=(), compare=False)
     starts: tuple[Controller, ...] = ()
+    kept: tuple[str, ...] | None = field(default=None, compare=False)
 
     def stream(self, name: str) -> int:
         """The seed of a named random stream: `TRAINING` to `SEARCH`, possibly with a number."""
@@ -132,8 +135,8 @@ class TuningProblem:
             point = self.space.nearest(self.space.start(leaves(experiment)))
             experiment = with_leaves(experiment, self.space.settings(point))
             ensemble = self.ensemble and replace(self.ensemble, experiment=experiment)
-            problems.append(replace(self, experiment=experiment, ensemble=ensemble, starts=()))
-        return replace(self, starts=()), *problems
+            problems.append(replace(self, experiment=experiment, ensemble=ensemble, starts=(), kept=None))
+        return replace(self, starts=(), kept=None), *problems
 
     @property
     def start(self) -> Point:

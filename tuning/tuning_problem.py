@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dualwinch.analysis.design import formula_design, limits_of
 from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.config.distribution_entries import check_range
 from dualwinch.config.ensemble_file import (
@@ -80,9 +81,10 @@ def tuning_problem(
     With an ensemble the estimator is the calibrating Kalman filter, since sensors are noisy and ropes differ from the
     nominal ones. Where drums, encoder zeros or the position sensor are uncertain, as in ``rig``, or ropes sag, it is
     the self-calibrating filter. Where drums swing on their ropes (`dualwinch.tuning.baseline.swings`), with an ensemble
-    or without, fast force is shared by tension, and gains start from values for such machines. Parts and gains that a
-    file or a setting names stay as they are, and so does a whole `experiment`. `TuningProblem.choices` names what was
-    chosen.
+    or without, fast force is shared by tension, and gains start from those that are designed for the machine
+    (`dualwinch.designed`). Parts and gains that a file or a setting names stay as they are, and so does a whole
+    `experiment`. `TuningProblem.choices` names what was chosen. A search for all gains of the sliding-mode law in an
+    ensemble, or on such a machine, begins with the better of this start and the verified design.
 
     Args:
         experiment: an experiment to start from, as it is, possibly with parts of your own.
@@ -120,6 +122,7 @@ def tuning_problem(
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")
     base, chosen = experiment or experiment_from(case, config, None, []), list[str]()
+    named = None if experiment else {*values, *named_keys(config), *named_keys(ensemble)}
     drawn = machines = _ensemble(ensemble, base, experiment is case is config is None)
     if drawn is None:
         base = override(base, values)
@@ -128,8 +131,8 @@ def tuning_problem(
                 raise ConfigurationError(f"--{name}: needs --ensemble; without one there is a single run, and no draws")
         machines = Ensemble("this machine", "", base, {}) if swings(base.plant) else None
     if machines is not None:
-        if experiment is None:
-            machines, chosen = _with_defaults(machines, values, {*values, *_named(config), *_named(ensemble)})
+        if named is not None:
+            machines, chosen = _with_defaults(machines, values, named)
         else:
             machines = reset(machines, values)
             if keys := undamped(machines.experiment):
@@ -153,10 +156,12 @@ def tuning_problem(
     )
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
+    gains = space_of(_entries(space), base, further_gains(machines) if machines else None).without(excluded)
+    designable = machines is not None and not space and isinstance(base.controller.law, SLIDING_MODE)
     problem = TuningProblem(
         experiment=base,
         ensemble=drawn,
-        space=space_of(_entries(space), base, further_gains(machines) if machines else None).without(excluded),
+        space=gains,
         objectives=minimised,
         constraints=bounded,
         scenarios=count if drawn else 1,
@@ -164,6 +169,7 @@ def tuning_problem(
         options=options,
         choices=tuple(chosen),
         starts=tuple(starts),
+        kept=tuple(sorted(named.difference(gains.keys))) if designable and named is not None else None,
     )
     problem.check()
     return problem
@@ -175,7 +181,7 @@ def _certified(options: TuningOptions, violation: float | None, confidence: floa
     return replace(options, **{name: value for name, value in asked.items() if value is not None})
 
 
-def _named(file: str | Path | Ensemble | None) -> Collection[str]:
+def named_keys(file: str | Path | Ensemble | None) -> Collection[str]:
     """Keys given in a configuration file, or in that of an ensemble; none for an ensemble itself."""
     if file is None or isinstance(file, Ensemble):
         return ()
@@ -208,12 +214,18 @@ def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collect
     ensemble = reset(ensemble, {**parts, **values})
     gains = {RESERVE: default_reserve(ensemble)} | starting_gains(ensemble)
     started = {key: value for key, value in gains.items() if key not in named}
-    damped = [f"{key} = {value:.3g}" for key, value in started.items() if key in DAMPING]
-    if damped:
-        chosen.append(f"gains that no file names start from values for such machines ({', '.join(damped)}): {SWINGING}")
     if (noise := started.get(POSITION_NOISE)) is not None and noise != leaves(ensemble.experiment)[POSITION_NOISE]:
         chosen.append(f"{POSITION_NOISE} = {noise:g}: noise and rounding of the described position sensor")
-    return reset(ensemble, started), chosen
+    ensemble = reset(ensemble, started)
+    if swings(ensemble.experiment.plant):
+        experiment = formula_design(ensemble.experiment, kept=named)
+        ensemble, designed = replace(ensemble, experiment=experiment), leaves(experiment)
+        damped = ", ".join(f"{key} = {designed[key]:.3g}" for key in DAMPING if key in designed and key not in named)
+        limit, *_ = limits_of(experiment)
+        chosen.append(
+            f"gains that no file names are designed for this machine ({damped}), for a bandwidth of {limit}: {SWINGING}"
+        )
+    return ensemble, chosen
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

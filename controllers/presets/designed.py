@@ -3,19 +3,19 @@
 The design has two parameters, `RESONANCE_MARGIN` and `LAG_RATIO`; everything else follows from the machine.
 
 1. **Damping of the drums** d in N s/m at the rim: the wave impedance sqrt(E A mu) of the rope
-   (`controllers.coordinations.winch_pid`), and at most m/(LAG_RATIO lag), so that the crossover of the damping stays well
-   below the lag of drive, samples and load cell. m is the moving mass of drum and rope (`model.drum_on_rope`).
+   (`controllers.coordinations.winch_pid`), and at most m/(LAG_RATIO lag), so that the crossover of the damping stays
+   well below the lag of drive, samples and load cell. m is the moving mass of drum and rope (`model.drum_on_rope`).
 2. **Bandwidth** w, the smallest of: 1/(LAG_RATIO lag); the rule of the drums' resonance (`analysis.resonance`) with the
    margin RESONANCE_MARGIN, ``kv + L + ki G/R <= d/(RESONANCE_MARGIN m)``; and the first frequency of the spans over the
    same margin.
-3. **Law.** Inside the boundary layer and below its smoothing the law is linear, per mass ``kp = eta + k/phi`` and ``kv =
-   y q/p + kp/y`` with ``y = beta smoothing^(1 − p/q)``. Critical damping, ``kp = w²`` and ``kv = 2 w``, is a quadratic
-   equation in y; of its roots the larger makes the slope grow less with the speed error. The smoothing is such that up
-   to the largest speed error the slope does not exceed that at rest: what is stable at rest is stable after a push. The
-   boundary layer ends where the ropes' force does.
+3. **Law.** Inside the boundary layer and below its smoothing the law is linear, per mass ``kp = eta + k/phi`` and
+   ``kv = y q/p + kp/y`` with ``y = beta smoothing^(1 − p/q)``. Critical damping, ``kp = w²`` and ``kv = 2 w``, is a
+   quadratic equation in y; of its roots the larger makes the slope grow less with the speed error. The smoothing is
+   such that up to the largest speed error the slope does not exceed that at rest: what is stable at rest is stable
+   after a push. The boundary layer ends where the ropes' force does.
 4. **Filter**: bandwidth 2 w; all of the disturbance is compensated. What encoders tell of the vehicle's position is as
-   uncertain as half the stretch of a rope. The law's own observer removes what the filter does not see, friction of drums
-   and rollers: with w/50 at small errors, and as fast as the loop, with w more, at large ones.
+   uncertain as half the stretch of a rope. The law's own observer removes what the filter does not see, friction of
+   drums and rollers: with w/50 at small errors, and as fast as the loop, with w more, at large ones.
 5. **Tension loops**: ki = w/16 and kp = 1/100 times the lever from tension to torque.
 
 Reference for 3: Khalil, Nonlinear Systems, 2002, Sections 7.2 and 14.1.
@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.nominal import nominal_plant
 from dualwinch.model.drum_on_rope import moving_mass, span_frequency, tangent_rigidity, wave_impedance
@@ -77,6 +78,19 @@ class Shares:
     damping: Annotated[float, Quantity("1", "share of the damping of the drums")] = 1.0
     integral: Annotated[float, Quantity("1", "share of the gains of observer and tension integrals")] = 1.0
 
+    @property
+    def named(self) -> dict[str, float]:
+        """What it is a share of → the share."""
+        return {
+            "bandwidth": self.bandwidth,
+            "damping of the drums": self.damping,
+            "integral action": self.integral,
+        }
+
+
+ALL = Shares()
+"""All of the formulas' values."""
+
 
 @dataclass(frozen=True)
 class BandwidthLimit:
@@ -84,6 +98,10 @@ class BandwidthLimit:
 
     cause: Annotated[str, Quantity("", "property of the machine")]
     bandwidth: Annotated[float, Quantity("rad/s", "largest bandwidth that it allows")]
+
+    def __str__(self) -> str:
+        """In words."""
+        return f"{self.bandwidth:.3g} rad/s by the {self.cause}"
 
 
 def drum_damping(side: Side, controller: Controller, plant: Plant, timing: LoopTiming) -> float:
@@ -94,27 +112,27 @@ def drum_damping(side: Side, controller: Controller, plant: Plant, timing: LoopT
 
 
 def bandwidth_limits(
-    controller: Controller, plant: Plant, timing: LoopTiming, shares: Shares = Shares()
+    controller: Controller, plant: Plant, timing: LoopTiming, shares: Shares = ALL
 ) -> tuple[BandwidthLimit, ...]:
-    """The bandwidths that lag, drums and spans allow (step 2), with shares of damping and integrals."""
-    length, tension = plant.track.length / 2, controller.limits.preload / 2
-    limits = [BandwidthLimit("lag of drive, samples and load cell", 1 / (LAG_RATIO * timing.lag))]
+    """The bandwidths that lag, drums and spans allow (step 2), ascending; of both drums and ropes the smaller."""
+    length, tension, track = plant.track.length / 2, controller.limits.preload / 2, plant.track
+    drums, spans = list[BandwidthLimit](), list[BandwidthLimit]()
     for side in plant.sides:
-        mass = float(moving_mass(side, length, plant.track))
-        rope_damping = float(side.rope.tangent(tension, length)[1])
-        rate = (shares.damping * drum_damping(side, controller, plant, timing) + rope_damping) / mass
-        limits.append(
-            BandwidthLimit(f"resonance of drum {side.number} on its rope", rate / (RESONANCE_MARGIN * FEEDBACK))
-        )
+        added = shares.damping * drum_damping(side, controller, plant, timing)
+        rate = float((added + side.rope.tangent(tension, length)[1]) / moving_mass(side, length, track))
+        cause = f"resonance of drum {side.number} on its rope"
+        drums.append(BandwidthLimit(cause, rate / (RESONANCE_MARGIN * FEEDBACK)))
         if present(side.rope.submerged_weight):
-            sag = float(span_frequency(side.rope, tension, length, plant.track))
-            limits.append(BandwidthLimit(f"sag of rope {side.number} in its spans", sag / RESONANCE_MARGIN))
-    return tuple(limits)
+            sag = float(span_frequency(side.rope, tension, length, track))
+            spans.append(BandwidthLimit(f"sag of rope {side.number} in its spans", sag / RESONANCE_MARGIN))
+    lag = BandwidthLimit("lag of drive, samples and load cell", 1 / (LAG_RATIO * timing.lag))
+    smallest = [min(limits, key=lambda limit: limit.bandwidth) for limits in (drums, spans) if limits]
+    return tuple(sorted((lag, *smallest), key=lambda limit: limit.bandwidth))
 
 
-def bandwidth_of(limits: tuple[BandwidthLimit, ...], shares: Shares = Shares()) -> float:
+def bandwidth_of(limits: tuple[BandwidthLimit, ...], shares: Shares = ALL) -> float:
     """Bandwidth in rad/s of a design: the share of the smallest limit."""
-    return shares.bandwidth * min(limit.bandwidth for limit in limits)
+    return shares.bandwidth * limits[0].bandwidth
 
 
 def designed_controller(
@@ -124,7 +142,7 @@ def designed_controller(
     *,
     largest_speed_error: float,
     speed_noise: float = 0.0,
-    shares: Shares = Shares(),
+    shares: Shares = ALL,
 ) -> Controller:
     """A controller with the gains of the design; parts, limits and gains without a formula stay.
 
@@ -171,10 +189,12 @@ frequencies above that resonance: the delay margin on short ropes shrinks.
 """
 
 
-def _law(controller: Controller, mass: float, bandwidth: float, largest_speed_error: float, integral: float) -> dict[str, float]:
+def _law(
+    controller: Controller, mass: float, bandwidth: float, largest_speed_error: float, integral: float
+) -> dict[str, float]:
     """Gains of the sliding-mode law and its observer (step 3)."""
     law = controller.law
-    gains = law.nftsm if isinstance(law, Nftsm) else NftsmGains()
+    gains = law.nftsm if isinstance(law, FandoNftsm | Nftsm) else NftsmGains()
     ratio, stiffness = gains.p / gains.q, bandwidth**2
     slope = bandwidth * (ratio + math.sqrt(ratio**2 - ratio))  # y of y/ratio + kp/y = 2 w
     growth = slope**2 / (ratio * stiffness)  # of the surface's slope: the terminal one's has fallen by as much

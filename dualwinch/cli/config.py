@@ -16,8 +16,8 @@ def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | No
 
     Args:
         ensemble: Print the file of an ensemble, such as `sea`, instead.
-        start: Print the parts and gains from which `tune` starts, alone or with --ensemble; those that are named stay
-            as they are.
+        start: Print a controller that is designed for the machine, alone or with --ensemble, and what limits its
+            bandwidth: a start for `tune`. Parts and gains that are named stay as they are.
 
     Examples:
         dualwinch config > my.toml
@@ -47,14 +47,21 @@ def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | No
 
 
 def _start(given: ExperimentOptions, ensemble: str | None) -> str:
-    """The experiment from which ``tune`` starts as TOML, with the reasons for parts and gains that nobody has named."""
+    """A start of ``tune`` as TOML, designed for the machine, with the reasons for what nobody has named."""
+    from dualwinch.analysis.design import designed
     from dualwinch.config.experiment_file import own_keys, to_toml
     from dualwinch.model.quantities.tree import leaves
-    from dualwinch.tuning.tuning_problem import tuning_problem
+    from dualwinch.tuning.tuning_problem import named_keys, tuning_problem
 
     before = given.nominal(ensemble)
     problem = tuning_problem(case=given.case, config=given.config, settings=given.assignments, ensemble=ensemble)
-    values, usual = leaves(problem.experiment), leaves(before)
+    experiment, words = problem.experiment, list(problem.choices)
+    if problem.kept is not None:
+        named = {*given.values, *(own_keys(given.config) if given.config else ()), *named_keys(ensemble)}
+        machine = experiment if problem.ensemble is None else problem.drawn_ensemble
+        design = designed(machine, kept=named)
+        experiment, words = design.experiment, [*words, *str(design).splitlines()]
+    values, usual = leaves(experiment), leaves(before)
     differing = {key for key, value in values.items() if usual.get(key) != value}
     mine = own_keys(given.config) | given.values.keys() | differing if given.config else None
-    return "".join(f"# {line}\n" for line in problem.choices) + to_toml(problem.experiment, mine)
+    return "".join(f"# {line}\n" for line in words) + to_toml(experiment, mine)

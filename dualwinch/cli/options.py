@@ -20,6 +20,7 @@ from dualwinch.cli.progress import ProgressLine
 from dualwinch.extensions import EXECUTORS, extension
 
 if TYPE_CHECKING:
+    from dualwinch.analysis.design import Design
     from dualwinch.simulation.batch.workers import Workers
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.experiment import Experiment
@@ -249,20 +250,64 @@ class ExperimentOptions:
         return population
 
 
+DESIGNED = "designed"
+"""Value of ``--controller`` for the controller that is designed for the machine."""
+
+DESIGNED_HELP = f"; {DESIGNED}: all parts and gains, designed for the machine (see `config --start`)"
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ControllerOptions(ExperimentOptions):
     """Experiment options, with further options for the parts of the controller."""
 
-    controller: Annotated[str | None, Parameter(help=choice("position law"))] = None
+    controller: Annotated[str | None, Parameter(help=choice("position law", DESIGNED_HELP))] = None
     estimator: Annotated[str | None, Parameter(help=choice("estimator"))] = None
     coordination: Annotated[str | None, Parameter(help=choice("coordination"))] = None
 
     @property
     def assignments(self) -> list[str]:
         """Values to set: the parts of the controller, then those of ``--set``."""
-        parts = {"kind": self.controller, "estimator": self.estimator, "coordination.kind": self.coordination}
+        law = None if self.designs else self.controller
+        parts = {"kind": law, "estimator": self.estimator, "coordination.kind": self.coordination}
         return [f"controller.{key}={kind}" for key, kind in parts.items() if kind is not None] + super().assignments
+
+    @property
+    def designs(self) -> bool:
+        """Whether the controller is designed for the machine."""
+        return self.controller == DESIGNED
+
+    @property
+    def typed(self) -> str:
+        """The options as typed for another command about the same experiment."""
+        return " ".join(filter(None, (super().typed, f"--controller {DESIGNED}" if self.designs else "")))
+
+    def experiment(self, *defaults: str) -> Experiment:
+        """The experiment, with the designed controller if that is asked for; what limits it is printed as notes."""
+        experiment = super().experiment(*defaults)
+        return self._design(experiment).experiment if self.designs else experiment
+
+    def nominal(self, ensemble: str | None) -> Experiment:
+        """The experiment, or the nominal machine of an ensemble, with the designed controller if that is asked for."""
+        if ensemble is None or not self.designs:
+            return super().nominal(ensemble)
+        return self.ensemble(ensemble).experiment
+
+    def ensemble(self, name: str) -> Ensemble:
+        """An ensemble, with the designed controller if that is asked for."""
+        from dataclasses import replace
+
+        ensemble = super().ensemble(name)
+        return replace(ensemble, experiment=self._design(ensemble).experiment) if self.designs else ensemble
+
+    def _design(self, machine: Experiment | Ensemble) -> Design:
+        """The design for a machine, but for the values of ``--set``; print what limits it."""
+        from dualwinch.analysis.design import designed
+
+        design = designed(machine, kept=self.values.keys())
+        for line in str(design).splitlines():
+            print_note(f"{DESIGNED}: {line}", stderr=True)
+        return design
 
 
 def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:

@@ -88,7 +88,7 @@ def test_the_drums_damping_matches_the_impedance_of_the_ropes() -> None:
     """sqrt(EA mu) R^2/G with the tangent of a rope that does not sag, as the textbook has it."""
     found = leaves(tuning_problem(ensemble="site").experiment)
     assert found["controller.winch_1.damping"] == pytest.approx((8e10 * 0.000452 * 2.36) ** 0.5 * 0.8**2 / 36, rel=0.02)
-    assert found["controller.winch_1.kp"] == pytest.approx(0.009 * 0.8 / 36)
+    assert found["controller.winch_1.kp"] == pytest.approx(0.01 * 0.8 / 36)
 
 
 def test_the_drums_damping_leads_by_a_share_of_the_drives_lag_and_is_not_searched_for() -> None:
@@ -121,11 +121,11 @@ def test_a_file_of_a_heavy_machine_starts_as_the_site_does_but_for_gains_that_it
     mine.write_text(f"{HEAVY}[controller.winch_2]\ndamping = 50.0\n")
     problem = tuning_problem(config=mine, ensemble="rig")
     found = leaves(problem.experiment)
-    assert found[DAMPING] == pytest.approx(matched_damping(load(mine), 1))
+    assert 0.8 * matched_damping(load(mine), 1) < found[DAMPING] < matched_damping(load(mine), 1), "motors lag"
     assert found["controller.winch_2.damping"] == 50
     assert found["controller.coordination.preload"] == 1.8 * 2000
     assert found[KIND] == "proportional-tension"
-    assert found["controller.nftsm.phi"] == 0.01
+    assert found["controller.kalman.compensation"] == 1
     assert any(f"({DAMPING} = {found[DAMPING]:.3g})" in line for line in problem.choices)
 
 

@@ -1,7 +1,12 @@
 """The start of a search: of several, the one with the best gains in the training set."""
 
+from dataclasses import replace
+
+from dualwinch.analysis.design import designed
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.workers import Workers
-from dualwinch.tuning.problem import TuningProblem
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.problem import DESIGN, TuningProblem
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, TuningProgress
 from dualwinch.tuning.scoring.ranking import penalised_first
 from dualwinch.tuning.scoring.scorer import Scorer
@@ -11,9 +16,32 @@ from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 def prepare_best_start(
     problem: TuningProblem, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
 ) -> TrainingSet:
-    """`prepare` for the best of a problem's starts, by the exact penalty function; all are run in the same draws."""
+    """`prepare` for the best of a problem's starts, by the exact penalty function; all are run in the same draws.
+
+    One of them is the controller that is designed for the machine (`analysis.design`), unless the problem has none.
+    """
+    problem = with_designed_start(problem)
     prepared = [prepare(each, workers, watch) for each in problem.beginnings]
     if len(prepared) == 1:
         return prepared[0]
     evaluations = [Scorer(training, workers).start() for training in prepared]
     return prepared[penalised_first(evaluations, problem.options.penalty)[0]]
+
+
+def with_designed_start(problem: TuningProblem) -> TuningProblem:
+    """The problem with the designed controller as a further start, unless that is its own."""
+    if problem.kept is None:
+        return problem
+    machine = problem.experiment if problem.ensemble is None else problem.drawn_ensemble
+    # a light drum keeps its controller without damping: another structure would be compiled for the start alone
+    kept = {*problem.kept, *_zeros(problem.experiment)}
+    controller = designed(machine, kept=kept, seed=problem.stream(DESIGN), compiled=True).controller
+    starts = () if controller == problem.experiment.controller else (controller,)
+    return replace(problem, starts=(*problem.starts, *starts), kept=None)
+
+
+def _zeros(experiment: Experiment) -> set[str]:
+    """Keys of damping and lead of the drums that are 0."""
+    values = leaves(experiment)
+    keys = (f"controller.winch_{winch}.{gain}" for winch in (1, 2) for gain in ("damping", "lead"))
+    return {key for key in keys if values.get(key) == 0}

@@ -1,0 +1,54 @@
+"""Designed gains: critically damped for small and for large speed errors, by the law's own force."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import dualwinch as dw
+from dualwinch.analysis.design import formula_design, limits_of, timing_of, with_designed_parts
+from dualwinch.controllers.parts import Context, Estimate
+from dualwinch.controllers.presets.designed import LAG_RATIO
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.vehicle import inertia
+from dualwinch.simulation.experiment import Experiment
+
+LAGGING = dw.override(dw.case(4), {"actuator.kind": "motor", "actuator.motor.time_constant": 0.02})
+
+
+def feedback(experiment: Experiment, e1: float, e2: float) -> float:
+    """Acceleration in m/s² by which the law answers errors of position and speed, friction and drag apart."""
+    controller, plant = experiment.controller, experiment.plant
+    context = Context(plant, controller.limits, 1e-3)
+
+    def force(x: float) -> float:
+        estimate = Estimate(x=x, v=0.0, F1=0.0, F2=0.0, omega_1=0.0, omega_2=0.0, theta_1=0.0, theta_2=0.0)
+        law = controller.law
+        _, output = law.step(law.initial_state(), estimate, Setpoint(0.0, -e2, 0.0), context)
+        return float(output.u)
+
+    return (force(e1) - 0.0) / float(inertia(plant.vehicle))
+
+
+def test_the_law_is_critically_damped_at_small_errors() -> None:
+    machine = formula_design(with_designed_parts(LAGGING))
+    bandwidth = limits_of(machine)[0].bandwidth
+    assert bandwidth == pytest.approx(1 / (LAG_RATIO * timing_of(machine).lag)), "the lag of the drives is the limit"
+    assert feedback(machine, 1e-7, 0.0) == pytest.approx(-(bandwidth**2) * 1e-7, rel=1e-3)
+    assert feedback(machine, 0.0, 1e-6) == pytest.approx(-2 * bandwidth * 1e-6, rel=1e-3)
+
+
+def test_the_law_is_no_steeper_at_large_speed_errors() -> None:
+    """The first harmonic of the force for a sinusoidal speed error, by quadrature; the boundary layer is widened."""
+    machine = formula_design(with_designed_parts(LAGGING))
+    gains = machine.controller.law.nftsm
+    unlimited = replace(gains, k=1e3 * gains.k, phi=1e3 * gains.phi)
+    machine = replace(
+        machine, controller=replace(machine.controller, law=replace(machine.controller.law, nftsm=unlimited))
+    )
+    bandwidth = limits_of(machine)[0].bandwidth
+    angles = (np.arange(200) + 0.5) * math.pi / 200
+    for amplitude in np.geomspace(1e-3, 0.3, 8):
+        harmonic = [feedback(machine, 0.0, amplitude * math.sin(angle)) * math.sin(angle) for angle in angles]
+        assert -2 * np.mean(harmonic) / amplitude < 2.05 * bandwidth, amplitude
