@@ -50,6 +50,10 @@ FEEDBACK = 2.0 + OBSERVER + TENSION_INTEGRAL
 """What returns from a drum's speed in 1/s over the bandwidth: kv + L + ki G/R."""
 
 
+LINEAR_SPEED = 0.01
+"""Speed error in m/s above which the law stays linear with any smoothing, so that a search may lower that."""
+
+
 @dataclass(frozen=True)
 class LoopTiming:
     """Lags of a loop besides the plant."""
@@ -202,6 +206,7 @@ def _law(
     reaching = stiffness / (1 + NftsmGains.eta * NftsmGains.phi / NftsmGains.k)
     acceleration = float(controller.limits.force) / mass
     return {
+        "nftsm.linear_speed": LINEAR_SPEED,
         "nftsm.smoothing": smoothing,
         "nftsm.beta": slope * smoothing ** (ratio - 1),
         "nftsm.k": acceleration,

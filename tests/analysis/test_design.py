@@ -44,9 +44,8 @@ MACHINES = {
         simulation__substeps=8, plant__rope_1__damping=60.0, plant__rope_2__damping=60.0, **preload(240.0),
     ),
     "small": machine(
-        SITE, 1e3, 0.003, {"inertia": 0.3, "drum_radius": 0.1, "gear_ratio": 20.0, "rotor_inertia": 2e-4,
-                           "gear_stiffness": 1e4, "gear_damping": 1.0},
-        plant__track__length=10.0, simulation__substeps=12,
+        Experiment(), 1e3, 0.003, {"inertia": 0.3, "drum_radius": 0.1, "gear_ratio": 20.0, "rotor_inertia": 2e-4},
+        plant__track__length=10.0, simulation__delay_samples=1, simulation__substeps=16,
         plant__rope_1__damping=20.0, plant__rope_2__damping=20.0, **preload(800.0),
     ),
     "light and long": machine(
