@@ -10,6 +10,8 @@ from dualwinch.analysis.design import NOISE, Design, designed, tension_noise
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
+pytestmark = pytest.mark.slow
+
 
 def machine(base: Experiment, mass: float, rope: float, winch: dict[str, float], **values: Any) -> Experiment:
     """A machine on two equal steel wire ropes of a diameter in m."""
@@ -63,7 +65,6 @@ MACHINES = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_machines_of_every_size_get_a_stable_start(name: str) -> None:
     design = designed(MACHINES[name])

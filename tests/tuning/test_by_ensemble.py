@@ -169,6 +169,7 @@ def test_an_experiment_is_taken_as_it_is_and_undamped_drums_are_said() -> None:
     assert not tuning_problem(case(4), ensemble="sea").choices
 
 
+@pytest.mark.slow
 def test_config_prints_the_start_for_a_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine, start = tmp_path / "mine.toml", tmp_path / "start.toml"
     mine.write_text(HEAVY)
