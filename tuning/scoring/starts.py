@@ -21,7 +21,8 @@ def prepare_best_start(
     One of them is the controller that is designed for the machine (`analysis.design`), unless the problem has none.
     """
     problem = with_designed_start(problem)
-    prepared = [prepare(each, workers, watch) for each in problem.beginnings]
+    beginning, *others = problem.beginnings
+    prepared = [prepare(beginning, workers, watch), *(prepare(each, workers) for each in others)]
     if len(prepared) == 1:
         return prepared[0]
     evaluations = [Scorer(training, workers).start() for training in prepared]
