@@ -27,6 +27,7 @@ from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
+from dualwinch.controllers.estimators.self_calibrating_kalman import SelfCalibratingKalman
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.presets.designed import (
     ALL,
@@ -157,9 +158,9 @@ def with_designed_parts(experiment: Experiment) -> Experiment:
     known = leaves(controller)
     if not isinstance(controller.law, SLIDING_MODE):
         controller = replace(controller, law=FandoNftsm())
-    if "kalman.bandwidth" not in known:
-        controller = replace(controller, estimator=CalibratingKalman())
     sags = any(present(side.rope.submerged_weight) for side in experiment.plant.sides)
+    if "kalman.bandwidth" not in known:  # only the self-calibrating filter knows sag
+        controller = replace(controller, estimator=SelfCalibratingKalman() if sags else CalibratingKalman())
     if "winch_1.damping" not in known or (sags and not isinstance(controller.coordination, ProportionalTension)):
         controller = replace(controller, coordination=ProportionalTension())
     return replace(experiment, controller=controller)

@@ -8,6 +8,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.analysis.design import formula_design, limits_of, timing_of, with_designed_parts
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.controllers.presets.designed import LAG_RATIO
 from dualwinch.model.reference import Setpoint
@@ -42,11 +43,10 @@ def test_the_law_is_critically_damped_at_small_errors() -> None:
 def test_the_law_is_no_steeper_at_large_speed_errors() -> None:
     """The first harmonic of the force for a sinusoidal speed error, by quadrature; the boundary layer is widened."""
     machine = formula_design(with_designed_parts(LAGGING))
-    gains = machine.controller.law.nftsm
-    unlimited = replace(gains, k=1e3 * gains.k, phi=1e3 * gains.phi)
-    machine = replace(
-        machine, controller=replace(machine.controller, law=replace(machine.controller.law, nftsm=unlimited))
-    )
+    law = machine.controller.law
+    assert isinstance(law, FandoNftsm)
+    unlimited = replace(law.nftsm, k=1e3 * law.nftsm.k, phi=1e3 * law.nftsm.phi)
+    machine = replace(machine, controller=replace(machine.controller, law=replace(law, nftsm=unlimited)))
     bandwidth = limits_of(machine)[0].bandwidth
     angles = (np.arange(200) + 0.5) * math.pi / 200
     for amplitude in np.geomspace(1e-3, 0.3, 8):
