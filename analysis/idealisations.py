@@ -111,14 +111,14 @@ def idealisation_checks(
     plant: Plant, tension: Scalar, limits: IdealisationLimits | None = None
 ) -> list[IdealisationCheck]:
     """Checks for missing effects from the plant's data alone, at the smallest commanded tension in N."""
-    limits, found = limits or IdealisationLimits(), list[IdealisationCheck]()
+    limits, checks = limits or IdealisationLimits(), list[IdealisationCheck]()
     for side in plant.sides:
         part, rope = f"winch_{side.number}", f"rope_{side.number}"
         keys = f"plant.{part}.inertia", f"plant.{part}.rotor_inertia"
         words = "of {value:.3g} kg m² at the drum, below {rim:g} R² = {limit:.3g} kg m²"
         brief = f"of {{value:.3g}} kg m² ({limits.rim:g} R² = {{limit:.3g}})"
-        own, least, facts = total_inertia(side.winch), side.winch.drum_radius**2 * limits.rim, {"rim": limits.rim}
-        found.append(IdealisationCheck("winch inertia", part, own, least, words, brief, "kg m^2", keys, facts))
+        drum, rim, facts = total_inertia(side.winch), side.winch.drum_radius**2 * limits.rim, {"rim": limits.rim}
+        checks.append(IdealisationCheck("winch inertia", part, drum, rim, words, brief, "kg m^2", keys, facts))
         line = _rope_line(side, plant)
         if line is None:
             continue
@@ -135,15 +135,15 @@ def idealisation_checks(
             )
             brief, slope = f"{lack} (w s/T = {{value:.3g}} {AT})", line.weight * span / tension
             sag = IdealisationCheck("sag", rope, slope, limits.slope, words, brief, "1", keys, facts, at_least=False)
-            found.append(sag)
+            checks.append(sag)
         words = (
             f"{lack}: sag leaves {{value:.2g}} of the stiffness of {line.what} {PLACE} (Ernst's factor, < {{limit:g}})"
         )
         brief = f"{lack} (Ernst's factor {{value:.2g}} {AT})"
         ernst = ernst_factor(line.weight, span, tension, spring * length)
         check = IdealisationCheck("stiffness under sag", rope, ernst, limits.ernst, words, brief, "1", keys, facts)
-        found.append(check)
-    return found
+        checks.append(check)
+    return checks
 
 
 AT = "at {tension:g} N"
@@ -163,7 +163,7 @@ def _rope_line(side: Side, plant: Plant) -> _RopeLine | None:
     """The rope's line data; None if they are unknown."""
     rope = side.rope
     owned = {"mass": present(rope.mass_per_length), "weight": present(rope.submerged_weight)}
-    without = f"without {' and '.join(name for name, there in owned.items() if not there)}"
+    without = f"without {' and '.join(name for name, has_it in owned.items() if not has_it)}"
     if all(owned.values()):
         return _RopeLine(rope.mass_per_length, rope.submerged_weight, "the rope", without)
     if not is_kelvin_voigt(rope):
@@ -193,12 +193,12 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     checks = idealisation_checks(plant, experiment.controller.limits.tension_min, limits)
     every = [one for check in checks for one in check.found()]
     every += [one for side in plant.sides for one in _rope_mass(side, experiment, limits)]
-    found: dict[str, Idealisation] = {}
+    by_name: dict[str, Idealisation] = {}
     for one in every:
-        same = found.get(one.statement)
+        same = by_name.get(one.statement)
         both = {} if same is None else {"parts": same.parts + one.parts, "keys": same.keys + one.keys}
-        found[one.statement] = replace(one, **{name: tuple(dict.fromkeys(each)) for name, each in both.items()})
-    return [replace(one, statement=f"{_subject(one.parts)} {one.statement}") for one in found.values()]
+        by_name[one.statement] = replace(one, **{name: tuple(dict.fromkeys(each)) for name, each in both.items()})
+    return [replace(one, statement=f"{_subject(one.parts)} {one.statement}") for one in by_name.values()]
 
 
 def summary(found: Sequence[Idealisation]) -> str:
@@ -222,8 +222,8 @@ def _rope_mass(side: Side, experiment: Experiment, limits: IdealisationLimits) -
     rope, parts, key = side.rope, (f"rope_{side.number}",), f"plant.rope_{side.number}"
     line = _rope_line(side, experiment.plant)
     if line is None:
-        missing = [name for name in ("mass_per_length", "submerged_weight") if not getattr(rope, name)]
-        words, keys = "without " + " and ".join(missing), tuple(f"{key}.{name}" for name in missing)
+        absent_numbers = [name for name in ("mass_per_length", "submerged_weight") if not getattr(rope, name)]
+        words, keys = "without " + " and ".join(absent_numbers), tuple(f"{key}.{name}" for name in absent_numbers)
         words = words.replace("_per_length", "").replace("submerged_", "")
         yield Idealisation("rope mass", parts, words, words, math.nan, math.nan, "kg/m", keys)
     elif not rope.mass_per_length or rope.segments == 1:
@@ -274,12 +274,12 @@ def position_loop_gain(
     if omega * step > math.pi:  # beyond the Nyquist frequency
         return 0.0
     omega = max(omega, 2 * math.pi / (samples * step))
-    loop, rest, mass = ready.loop, experiment.controller.limits.preload / 2, inertia(plant.vehicle)
-    amplitude = min(amplitude, rest / 2 / (mass * omega))
+    loop, tension, mass = ready.loop, experiment.controller.limits.preload / 2, inertia(plant.vehicle)
+    amplitude = min(amplitude, tension / 2 / (mass * omega))
     force = 1j * omega * mass * amplitude  # a phasor, like the motions
     moving = {"x": amplitude / (1j * omega), "v": amplitude}
     for side, length in zip(plant.sides, rope_lengths(ready.start["motion.plant.x"], plant.track), strict=True):
-        spring, damping = side.rope.tangent(rest, length)
+        spring, damping = side.rope.tangent(tension, length)
         way = side.direction * (moving["x"] + force / 2 / (spring + 1j * omega * damping))
         turn = way / side.winch.drum_radius
         shafts = [f"{{}}_{side.number}"]
@@ -290,8 +290,8 @@ def position_loop_gain(
     paths = {loop.states.index(f"motion.plant.{name}"): (p * np.exp(1j * omega * t)).real for name, p in moving.items()}
     commands = (_commands(ready, {index: sign * path for index, path in paths.items()}) for sign in (1, -1))
     odd = np.subtract(*commands) / 2
-    late, fitted = t >= t[-1] / 2, np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t), t])
-    (cosine, sine, *_), *_ = np.linalg.lstsq(fitted[late], odd[late])
+    second_half, fitted = t >= t[-1] / 2, np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t), t])
+    (cosine, sine, *_), *_ = np.linalg.lstsq(fitted[second_half], odd[second_half])
     return math.hypot(cosine, sine) / abs(force)
 
 
@@ -300,11 +300,11 @@ def _commands(ready: PreparedExperiment, paths: Mapping[int, NDArray[np.float64]
     loop, state, start = ready.loop, ready.state, ready.state
     parameters = loop.vector({key: STEADY_PLANT.get(key, value) for key, value in ready.parameters.items()})
     outside, motion, command = np.zeros(len(loop.exogenous)), loop.move.numel_in("motion"), loop.columns.index("u")
-    found = []
+    commands = []
     for deviations in zip(*paths.values(), strict=True):
         for index, deviation in zip(paths, deviations, strict=True):
             state[index] = start[index] + deviation
-        found.append(float(loop.observe(state, outside, parameters)[command]))
+        commands.append(float(loop.observe(state, outside, parameters)[command]))
         discrete, *_ = loop.sample(state, outside, parameters)
         state[motion:] = discrete.full().ravel()
-    return np.array(found)
+    return np.array(commands)

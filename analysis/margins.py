@@ -132,25 +132,26 @@ def margins(loop: LinearSystem) -> Margins:
         >>> f"gain {margins.gain:.3g}, phase {margins.phase:.3g} deg, delay {1e3 * margins.delay:.3g} ms"
         'gain 5.34, phase 88.1 deg, delay 23.6 ms'
     """
-    wanted = "a discrete state-space system of one input and one output, or two of each"
+    requirement = "a discrete state-space system of one input and one output, or two of each"
     if not hasattr(loop, "D"):
-        raise ConfigurationError(f"loop: is a {type(loop).__name__}: must be {wanted}, e.g. control.ss(loop)")
+        raise ConfigurationError(f"loop: is a {type(loop).__name__}: must be {requirement}, e.g. control.ss(loop)")
     if loop.D.shape not in {(1, 1), (2, 2)}:
         outputs, inputs = loop.D.shape
-        raise ConfigurationError(f"loop: has {inputs} inputs and {outputs} outputs: must be {wanted}")
+        raise ConfigurationError(f"loop: has {inputs} inputs and {outputs} outputs: must be {requirement}")
     if not all(np.isfinite(matrix).all() for matrix in (loop.A, loop.B, loop.C, loop.D)):
-        raise ConfigurationError(f"loop: has elements that are no finite numbers: must be {wanted}")
+        raise ConfigurationError(f"loop: has elements that are no finite numbers: must be {requirement}")
     if isinstance(loop.dt, bool) or not loop.dt or loop.dt < 0:
         raise ConfigurationError(
-            f"loop: dt = {loop.dt}: must be > 0 s, {wanted} (control.sample_system makes one of a continuous system)"
+            f"loop: dt = {loop.dt}: must be > 0 s, {requirement} "
+            "(control.sample_system makes one of a continuous system)"
         )
     through = np.eye(len(loop.D)) + loop.D
     if abs(np.linalg.det(through)) <= np.finfo(float).eps:
         nowhere = math.nan
         return Margins(*(False, 1.0, nowhere, 1.0, nowhere, 0.0, nowhere, 0.0, nowhere, 0.0, 1.0, 0.0, nowhere))
     closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
-    (found,) = least_margins(closed, np.zeros(1, np.intp), (*MARGIN_KINDS, "fall"), 1, grid=FINE)
-    gain, phase, delay, disk, fall = found.values()
+    (least,) = least_margins(closed, np.zeros(1, np.intp), (*MARGIN_KINDS, "fall"), 1, grid=FINE)
+    gain, phase, delay, disk, fall = least.values()
     least_gain = 1 / fall.value if fall.value < ROUND_OFF_MARGIN else 0.0
     if fall.frequency == 0:  # for a slow loop T is round-off there, L is not
         least_gain = max((-1 / value for value in _at_rest(loop) if value <= -1), default=0.0)
@@ -253,23 +254,23 @@ class ComplementarySensitivity:
         within few samples (`FORGOTTEN`). Echoes (j, s, elements) are the contribution of those to the impulse response.
         """
         poles, right = self._modes
-        _, left = _by_size(np.swapaxes(self.A, 1, 2))
+        _, left_vectors = _by_size(np.swapaxes(self.A, 1, 2))
         lasting = np.abs(poles) > FORGOTTEN
         count = int(lasting.sum(axis=1).max(initial=0))
-        lasting, right, left = lasting[:, :count], right[:, :, :count], left[:, :, :count]
-        right, left = np.where(lasting[:, None], right, 0.0), np.where(lasting[:, None], left, 0.0)
-        across = np.swapaxes(left, 1, 2) @ right
+        lasting, right, left_vectors = lasting[:, :count], right[:, :, :count], left_vectors[:, :, :count]
+        right, left_vectors = np.where(lasting[:, None], right, 0.0), np.where(lasting[:, None], left_vectors, 0.0)
+        across = np.swapaxes(left_vectors, 1, 2) @ right
         index = np.arange(count)
         across[:, index, index] += ~lasting
-        weights = np.linalg.solve(across, np.swapaxes(left, 1, 2) @ self.B)
-        shown = self.C @ right
-        residues = shown[:, self.rows] * np.swapaxes(weights, 1, 2)[:, self.columns]
-        echoes, rest = [], self.B - (right @ weights).real
+        weights = np.linalg.solve(across, np.swapaxes(left_vectors, 1, 2) @ self.B)
+        output_vectors = self.C @ right
+        residues = output_vectors[:, self.rows] * np.swapaxes(weights, 1, 2)[:, self.columns]
+        echoes, remainder = [], self.B - (right @ weights).real
         for _ in range(self.A.shape[1] + 10):
-            echoes.append((self.C @ rest)[:, self.rows, self.columns])
-            if not np.abs(rest).max(initial=0.0) > SILENT * np.abs(self.B).max(initial=0.0):
+            echoes.append((self.C @ remainder)[:, self.rows, self.columns])
+            if not np.abs(remainder).max(initial=0.0) > SILENT * np.abs(self.B).max(initial=0.0):
                 break
-            rest = self.A @ rest
+            remainder = self.A @ remainder
         return np.asarray(residues, complex), np.array(echoes)
 
     def loci(self, omega: Floats, *, exact: bool) -> Complex:
@@ -279,12 +280,12 @@ class ComplementarySensitivity:
             return elements
         alone = elements[:, self.diagonal[:-2]]
         half, root = _halves(elements)
-        first, second = half + root, half - root
-        kept = np.abs(np.diff(first)) + np.abs(np.diff(second))
-        crossed = np.abs(first[:, 1:] - second[:, :-1]) + np.abs(second[:, 1:] - first[:, :-1])
-        swapped = np.zeros(first.shape, bool)
-        swapped[:, 1:] = np.logical_xor.accumulate(crossed < kept, axis=1)
-        pair = np.where(swapped, second, first), np.where(swapped, first, second)
+        locus_1, locus_2 = half + root, half - root
+        step_in_order = np.abs(np.diff(locus_1)) + np.abs(np.diff(locus_2))
+        crossed = np.abs(locus_1[:, 1:] - locus_2[:, :-1]) + np.abs(locus_2[:, 1:] - locus_1[:, :-1])
+        exchanges = np.zeros(locus_1.shape, bool)
+        exchanges[:, 1:] = np.logical_xor.accumulate(crossed < step_in_order, axis=1)
+        pair = np.where(exchanges, locus_2, locus_1), np.where(exchanges, locus_1, locus_2)
         return np.concatenate([alone, np.stack(pair, axis=1)], axis=1)
 
     def _summed_elements(self, omega: Floats) -> Complex:
@@ -294,10 +295,10 @@ class ComplementarySensitivity:
         with np.errstate(divide="ignore", invalid="ignore"):  # at a pole of an unstable loop
             inverse = 1 / (z[:, None] - self.poles[:, : residues.shape[2], None])
         elements = residues @ np.where(np.isfinite(inverse), inverse, AT_A_POLE) + constant[:, :, None]
-        late = 1 / z[:, None]
+        delay_factor = 1 / z[:, None]
         for echo in echoes:
-            elements += echo[:, :, None] * late
-            late = late / z[:, None]
+            elements += echo[:, :, None] * delay_factor
+            delay_factor = delay_factor / z[:, None]
         return elements
 
     @cached_property
@@ -322,14 +323,14 @@ class ComplementarySensitivity:
         """
         z = np.exp(1j * self.dt * omega)
         residues, echoes = self._parts
-        apart = (z[:, None] - self.poles[loop, : residues.shape[2]])[:, None]
-        terms = residues[loop] / apart
+        distance = (z[:, None] - self.poles[loop, : residues.shape[2]])[:, None]
+        terms = residues[loop] / distance
         values = terms.sum(axis=2) + self.D[loop][:, self.rows, self.columns]
-        slopes = -1j * self.dt * z[:, None] * (terms / apart).sum(axis=2)
+        slopes = -1j * self.dt * z[:, None] * (terms / distance).sum(axis=2)
         for number, echo in enumerate(echoes[:, loop], start=1):
-            late = echo * z[:, None] ** -number
-            values += late
-            slopes -= 1j * self.dt * number * late
+            delayed_echo = echo * z[:, None] ** -number
+            values += delayed_echo
+            slopes -= 1j * self.dt * number * delayed_echo
         return self._locus(values, slopes, locus, near)
 
     def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
@@ -366,9 +367,9 @@ class ComplementarySensitivity:
             return alone
         half, root = _halves(values)
         both = half + np.where(np.abs(half + root - near) <= np.abs(half - root - near), root, -root)
-        first, upper, lower, second = values.T[-4:]
+        element_11, upper, lower, element_22 = values.T[-4:]
         d_first, d_upper, d_lower, d_second = slopes.T[-4:]
-        turned = d_first * (both - second) + d_second * (both - first) + d_upper * lower + upper * d_lower
+        turned = d_first * (both - element_22) + d_second * (both - element_11) + d_upper * lower + upper * d_lower
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = turned / (2 * (both - half))
         together = locus >= len(self.diagonal) - 2
@@ -412,19 +413,19 @@ class _SchurForm:
 
     def _solved(self, z: Complex, right: Complex) -> Complex:
         """(z - T)^-1 applied to right sides (n, k, m); very large at a pole."""
-        apart = z - np.diag(self.T)[:, None]
-        apart[apart == 0] = np.finfo(float).eps
-        found = np.empty((len(right), right[0].size if len(right) else 0), complex)
+        pivots = z - np.diag(self.T)[:, None]
+        pivots[pivots == 0] = np.finfo(float).eps
+        solution = np.empty((len(right), right[0].size if len(right) else 0), complex)
         for row in reversed(range(len(right))):
-            known = (self.T[row, row + 1 :] @ found[row + 1 :]).reshape(right.shape[1:])
-            found[row] = ((right[row] + known) / apart[row][:, None]).ravel()
-        return found.reshape(right.shape)
+            substituted = (self.T[row, row + 1 :] @ solution[row + 1 :]).reshape(right.shape[1:])
+            solution[row] = ((right[row] + substituted) / pivots[row][:, None]).ravel()
+        return solution.reshape(right.shape)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
     """Mean and half the difference of the eigenvalues of the torques' T, from its elements along the second axis."""
-    first, upper, lower, second = np.moveaxis(elements, 1, 0)[-4:]
-    return (first + second) / 2, np.sqrt(((first - second) / 2) ** 2 + upper * lower)
+    element_11, upper, lower, element_22 = np.moveaxis(elements, 1, 0)[-4:]
+    return (element_11 + element_22) / 2, np.sqrt(((element_11 - element_22) / 2) ** 2 + upper * lower)
 
 
 def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> ComplementarySensitivity:
@@ -438,8 +439,8 @@ def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Comp
     matter = states_that_matter(closed, entered, C)
     closed = np.where(matter[:, :, None] & matter[:, None, :], closed, 0.0)
     entered, C = np.where(matter[:, :, None], entered, 0.0), np.where(matter[:, None, :], C, 0.0)
-    kept = np.argsort(~matter, axis=1, kind="stable")[:, : int(matter.sum(axis=1).max(initial=0))]
-    by_row, by_column = kept[:, :, None], kept[:, None, :]
+    state_order = np.argsort(~matter, axis=1, kind="stable")[:, : int(matter.sum(axis=1).max(initial=0))]
+    by_row, by_column = state_order[:, :, None], state_order[:, None, :]
     closed = np.take_along_axis(np.take_along_axis(closed, by_row, 1), by_column, 2)
     entered, C = np.take_along_axis(entered, by_row, 1), np.take_along_axis(C, by_column, 2)
     size = balancing_scales(closed)
@@ -451,8 +452,8 @@ def _by_size(A: Floats) -> tuple[Complex, Complex]:
     """Eigenvalues and eigenvectors of matrices, in order of falling magnitude."""
     values, vectors = np.linalg.eig(A)
     order = np.argsort(-np.abs(values), axis=1)
-    found = np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None], axis=2)
-    return found[0].astype(complex), found[1].astype(complex)
+    spectrum = np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None], axis=2)
+    return spectrum[0].astype(complex), spectrum[1].astype(complex)
 
 
 @dataclass(frozen=True)
@@ -519,28 +520,28 @@ def least_margins(
         return [dict.fromkeys(kinds, LeastMargin()) for _ in range(groups)]
     omega = _frequencies(loops, grid)
     response = loops.loci(omega, exact=grid.exact)
-    found: list[dict[str, LeastMargin]] = [{} for _ in range(groups)]
-    wanted = np.array([opening in openings for opening in LOCI])
+    margins_by_group: list[dict[str, LeastMargin]] = [{} for _ in range(groups)]
+    opening_mask = np.array([opening in openings for opening in LOCI])
     for kind in kinds:
         places = _read_off(kind, omega, response)
-        places = places[wanted[places.locus]]
-        for of_group in found:
+        places = places[opening_mask[places.locus]]
+        for of_group in margins_by_group:
             of_group[kind] = LeastMargin()
         if among is not None:
-            _note_least(found, kind, places, group)
+            _note_least(margins_by_group, kind, places, group)
         places = _near_least(places, group if among is None else among, NEAR_LEAST)
         if not grid.exact:
             places = _near_least(_refined(kind, loops.quick, places, QUICK_TOLERANCE), group, NEARER_LEAST)
         exact = _refined(kind, loops.exact, places, TOLERANCE)
-        _note_least(found, kind, exact, group)
-    return found
+        _note_least(margins_by_group, kind, exact, group)
+    return margins_by_group
 
 
 def _note_least(found: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, group: Indices) -> None:
     """Note the smallest margin of each group with any places."""
     order = np.lexsort((comparable(places.value), group[places.loop]))
-    numbers, first = np.unique(group[places.loop][order], return_index=True)
-    for number, index in zip(numbers.tolist(), order[first].tolist(), strict=True):
+    numbers, positions = np.unique(group[places.loop][order], return_index=True)
+    for number, index in zip(numbers.tolist(), order[positions].tolist(), strict=True):
         at = int(places.loop[index]), LOCI[int(places.locus[index])], float(places.frequency[index])
         found[number][kind] = LeastMargin(float(places.value[index]), *at)
 
@@ -572,8 +573,8 @@ def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats
     if (lowest < LOWEST).any():
         below = np.geomspace(lowest[:, 0], LOWEST, round(BELOW * grid.points), axis=1)
         even = np.hstack([below, even])
-    found = np.sort(np.clip(np.hstack([even, around]), lowest, highest), axis=1)
-    return np.hstack([np.zeros((len(poles), 1)), found])
+    frequencies = np.sort(np.clip(np.hstack([even, around]), lowest, highest), axis=1)
+    return np.hstack([np.zeros((len(poles), 1)), frequencies])
 
 
 def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
@@ -612,8 +613,8 @@ def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
     lower, upper = omega[loop, lower], omega[loop, upper]
     frequency = lower + (upper - lower) * share
     value = _margin(kind, before * (1 - share) + after * share, frequency)
-    found = np.isfinite(value) & ((frequency > 0) | (value < ROUND_OFF_MARGIN))
-    return _Places(loop, locus, lower, upper, before, after, frequency, value)[found]
+    is_margin = np.isfinite(value) & ((frequency > 0) | (value < ROUND_OFF_MARGIN))
+    return _Places(loop, locus, lower, upper, before, after, frequency, value)[is_margin]
 
 
 def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
@@ -632,9 +633,9 @@ def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
 
 def _near_least(places: _Places, group: Indices, factor: float) -> _Places:
     """The places whose margin is at most `factor` times the smallest of their group."""
-    least = np.full(int(group.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(least, group[places.loop], places.value)
-    return places[places.value <= factor * least[group[places.loop]]]
+    smallest = np.full(int(group.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(smallest, group[places.loop], places.value)
+    return places[places.value <= factor * smallest[group[places.loop]]]
 
 
 Evaluate = Callable[[Floats, Indices, Indices, Complex], tuple[Complex, Complex]]
@@ -682,11 +683,11 @@ def _root(function: Callable[[Floats, Indices], Floats], places: _Places, tolera
         a, at_a, b, at_b = np.where(same, a, b), np.where(same, at_a, at_b), now, at_now
         nearest = np.where(np.abs(at_a) < np.abs(at_b), a, b)
         root[active] = nearest
-        least = tolerance * nearest / np.maximum(np.abs(a - b), np.finfo(float).tiny)
-        going = (least < 0.5) & (at_now != 0)
+        step_tolerance = tolerance * nearest / np.maximum(np.abs(a - b), np.finfo(float).tiny)
+        going = (step_tolerance < 0.5) & (at_now != 0)
         active = active[going]
-        a, b, c, at_a, at_b, at_c, least = _taken(going, a, b, c, at_a, at_b, at_c, least)
-        share = np.clip(_interpolated(a, b, c, at_a, at_b, at_c), least, 1 - least)
+        a, b, c, at_a, at_b, at_c, step_tolerance = _taken(going, a, b, c, at_a, at_b, at_c, step_tolerance)
+        share = np.clip(_interpolated(a, b, c, at_a, at_b, at_c), step_tolerance, 1 - step_tolerance)
     return root
 
 

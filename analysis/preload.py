@@ -145,9 +145,9 @@ def optimal_preload(
     outside, limits = outside_at(experiment, every), experiment.controller.limits
     instants, free = outside.shape[1], error > 0
     plant = _with_tangent_ropes(experiment)
-    given = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
+    parameter_values = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
     solver, found_from = _problem(instants, step, minimise, elastic, free)
-    p = ca.vertcat(ca.vec(ca.DM(outside)), ca.DM(given))
+    p = ca.vertcat(ca.vec(ca.DM(outside)), ca.DM(parameter_values))
     tension = np.array([limits.tension_min, limits.tension_max]) * KILONEWTONS
     deviation = np.full(instants if free else 0, error * MILLIMETRES)
     deviation[:2] = 0.0  # position and speed at the start
@@ -157,7 +157,7 @@ def optimal_preload(
     torques = np.repeat(levers, instants - 2)
     change = np.full(2 * (instants - 3), np.inf if torque_rate is None else torque_rate * step)
     below = np.full(2 * instants, -np.inf)
-    found = solver(
+    solution = solver(
         x0=np.clip(tension.mean(), lower, upper),
         p=p,
         lbx=lower,
@@ -171,7 +171,7 @@ def optimal_preload(
             f"{'' if torque_rate is None else f', with torque rates of at most {torque_rate:g} N m/s,'} give the "
             f"motion to within {error:g} m (IPOPT: {solver.stats()['return_status']}); allow a larger error"
         )
-    F1, F2, tau_1, tau_2, e, load, energy = (np.asarray(part, float).ravel() for part in found_from(found["x"], p))
+    F1, F2, tau_1, tau_2, e, load, energy = (np.asarray(part, float).ravel() for part in found_from(solution["x"], p))
     peak = float(max(F1.max(), F2.max()))
     return OptimalPreload(outside[0], F1, F2, tau_1, tau_2, e, float(load[0]), peak, float(energy[0]))
 
@@ -211,8 +211,8 @@ def _problem(
     F1, F2, e = (ca.SX.sym(name, 1, instants) for name in ("F1", "F2", "e"))
     top = ca.SX.sym("top")
     deviation = e / MILLIMETRES if free else ca.SX.zeros(1, instants)
-    moved = moved_by(outside, deviation, step)
-    needed = ca.Function("pull", [outside_now, parameters], [pull(outside_now, disturbance, plant)])(moved, parameters)
+    motion = moved_by(outside, deviation, step)
+    needed = ca.Function("pull", [outside_now, parameters], [pull(outside_now, disturbance, plant)])(motion, parameters)
 
     torques, pulls = [], []
     lengths = rope_lengths(outside[1, :] + deviation, plant.track)
@@ -220,34 +220,34 @@ def _problem(
     for tension, length, (winch, rope, way) in zip((F1 / KILONEWTONS, F2 / KILONEWTONS), lengths, ropes, strict=True):
         stretch = tension * compliance(length, kelvin_voigt(rope)) if elastic else ca.SX.zeros(1, instants)
         _, stretching = central_differences(stretch, step)
-        speed, acceleration = way * moved[2, :], way * moved[3, :] + stretching
+        speed, acceleration = way * motion[2, :], way * motion[3, :] + stretching
         torque = motor_torque(speed, acceleration, tension[:, 1:-1], winch)
         torques.append(torque)
         pulls.append(torque * winch.gear_ratio / winch.drum_radius)
     square = (ca.sumsqr(torques[0]) + ca.sumsqr(torques[1])) / (2 * (instants - 2))
-    pace, pulled = moved[2, :], pulls[0] + pulls[1]
+    pace, pulled = motion[2, :], pulls[0] + pulls[1]
     energy = step * ca.dot(pulled, absolute(pace))
     smooth = step * ca.dot(pulled, ca.sqrt(pace**2 + STANDING**2)) if free else energy
     goal = {"load": square / 100, "peak": top, "energy": smooth / 1e5}[minimise]
     ends = [tension[end] - tension[inner] for tension in (F1, F2) for end, inner in ((0, 1), (-1, -2))]
     changes = [torque[:, 1:] - torque[:, :-1] for torque in torques]
     above = (F1 - top, F2 - top)
-    held = [KILONEWTONS * needed - (F1 - F2)[:, 1:-1]]
+    equalities = [KILONEWTONS * needed - (F1 - F2)[:, 1:-1]]
     unknown = ca.vertcat(ca.vec(F1), ca.vec(F2), *([ca.vec(e)] if free else []), top)
     p = ca.vertcat(ca.vec(outside), parameters)
     problem = {
         "x": unknown,
         "p": p,
         "f": goal + (0 if minimise == "load" else AMONG_EQUALS * square / 100),
-        "g": ca.vertcat(*(ca.vec(part) for part in (*held, *ends, *torques, *changes, *above))),
+        "g": ca.vertcat(*(ca.vec(part) for part in (*equalities, *ends, *torques, *changes, *above))),
     }
     options = {
         "print_time": False,
         "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 300, "tol": 1e-8 if free else 1e-10},
     }
     solver = ca.nlpsol("optimal_preload", "ipopt", problem, options)
-    given = [F1 / KILONEWTONS, F2 / KILONEWTONS, *torques, deviation, ca.sqrt(square), energy]
-    return solver, ca.Function("found", [unknown, p], given)
+    outputs = [F1 / KILONEWTONS, F2 / KILONEWTONS, *torques, deviation, ca.sqrt(square), energy]
+    return solver, ca.Function("found", [unknown, p], outputs)
 
 
 MEASURE: dict[PreloadObjective, str] = {"load": "continuous_load", "peak": "peak_tension", "energy": "energy"}
@@ -473,11 +473,11 @@ def preloads(
     as_it_is = simulate(constant)
     progress(0.5)
     best = _best_constant(as_it_is, scheduled, MEASURE[minimise], lambda share: progress(0.5 + 0.4 * share))
-    own = None
+    configured_run = None
     if configured is not None and configured not in (constant, experiment):
-        own = simulate(configured)
+        configured_run = simulate(configured)
     progress(1.0)
-    return Preloads(MEASURE[minimise], as_it_is, best, scheduled, bound, own)
+    return Preloads(MEASURE[minimise], as_it_is, best, scheduled, bound, configured_run)
 
 
 def _best_constant(constant: Result, scheduled: Result, measure: str, progress: Progress) -> Result | None:
@@ -491,19 +491,19 @@ def _best_constant(constant: Result, scheduled: Result, measure: str, progress: 
     experiment, limits = constant.experiment, constant.experiment.controller.limits
     low, high, preload = 2 * limits.tension_min, 2 * limits.command_max, None
     for grid in range(REFINEMENTS + 1):
-        tried = np.linspace(low, high, CONSTANTS + 2)
+        preload_values = np.linspace(low, high, CONSTANTS + 2)
         batch = rollout(
             ["controller.coordination.preload"],
-            tried[1:-1, None],
+            preload_values[1:-1, None],
             [experiment],
             progress=lambda share, before=grid: progress((before + share) / (REFINEMENTS + 1)),
         )
-        found = {name: values[:, 0] for name, values in batch.metrics.items()}
-        good = _as_good(found["mse"], found["min_tension"], scheduled)
+        merits = {name: values[:, 0] for name, values in batch.metrics.items()}
+        good = _as_good(merits["mse"], merits["min_tension"], scheduled)
         if not good.any():
             break
-        at = int(np.where(good, found[measure], np.inf).argmin()) + 1
-        low, preload, high = (float(each) for each in tried[at - 1 : at + 2])
+        at = int(np.where(good, merits[measure], np.inf).argmin()) + 1
+        low, preload, high = (float(each) for each in preload_values[at - 1 : at + 2])
     candidates = [constant] if _as_good(constant.metrics.mse, constant.metrics.min_tension, scheduled) else []
     if preload is not None:
         limits = replace(limits, preload=preload)

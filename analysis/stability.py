@@ -166,8 +166,8 @@ def disturbance(columns: Mapping[str, Floats], mass: float, basis: str) -> Float
         basis: `IDEAL`: acceleration that the nominal model does not explain, given the true tensions. `REAL`: plus
             the rope force beyond the command, (F_1 − F_2 − u_sat)/M, which the theorem neglects.
     """
-    missing = (columns["F1"] - columns["F2"] - columns["u_sat"]) / mass if basis == REAL else 0.0
-    return columns["d_true"] + missing
+    undelivered = (columns["F1"] - columns["F2"] - columns["u_sat"]) / mass if basis == REAL else 0.0
+    return columns["d_true"] + undelivered
 
 
 def bounds(columns: Mapping[str, Floats], experiment: Experiment, basis: str = IDEAL) -> Bounds:
@@ -188,10 +188,10 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
     law = sliding_mode(experiment)
     gains, auxiliary = law.nftsm, law.auxiliary
     units = {key: leaf.quantity.unit for key, leaf in describe_parts(law).items()}
-    found: list[Condition] = []
+    entries: list[Condition] = []
 
     def at_least(name: str, statement: str, left: float, right: float, unit: str, basis: str = "") -> None:
-        found.append(Condition(name, statement, left, right, unit, basis, left >= right))
+        entries.append(Condition(name, statement, left, right, unit, basis, left >= right))
 
     for basis, bounds in known.items():
         needed = switching_gain_needed(bounds.disturbance, bounds.speed_error, gains.p / gains.q, gains.beta, gains.eta)
@@ -202,12 +202,12 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
             statement = "L(t) >= Delta, bound of |dd/dt|"
             at_least("observer gain", statement, bounds.observer_gain, bounds.disturbance_rate, "1/s", basis)
     decays = auxiliary.k_a > 0
-    found.append(Condition("decay of Z_a", "k_a > 0", auxiliary.k_a, 0.0, units["auxiliary.k_a"], "", decays))
+    entries.append(Condition("decay of Z_a", "k_a > 0", auxiliary.k_a, 0.0, units["auxiliary.k_a"], "", decays))
     needed = auxiliary_weight_needed(experiment.controller.limits.tension_max, auxiliary.k_a)
     weights = leaves(auxiliary)
     for name, where in (("gamma", "in the surface"), ("gamma_force", "in the force")):
         at_least(f"weight of Z_a {where}", f"{name} >= 2 F_max/k_a", weights[name], needed, units[f"auxiliary.{name}"])
-    return found
+    return entries
 
 
 @dataclass(frozen=True)
@@ -345,11 +345,11 @@ def _evaluated(result: Result) -> Certificate:
         terms = LyapunovTerms(s**2 / 2, Z_a**2 / 2, d_tilde, d_tilde)
     rate = np.diff(terms.total) / experiment.simulation.sample_time
     claim = claimed_decay(s, Z_a, d_tilde, law.nftsm.eta, law.auxiliary.k_a, mass)[:-1]
-    known = {basis: bounds(columns, experiment, basis) for basis in (IDEAL, REAL)}
+    bounds_by_basis = {basis: bounds(columns, experiment, basis) for basis in (IDEAL, REAL)}
     return Certificate(
         result=result,
-        bounds=known,
-        conditions=conditions(experiment, known),
+        bounds=bounds_by_basis,
+        conditions=conditions(experiment, bounds_by_basis),
         terms=terms,
         rate=rate,
         decreasing=float(np.mean(rate < 0)) if rate.size else np.nan,
@@ -403,25 +403,25 @@ def nearby_gains(certificate: Certificate, *, progress: Progress = no_progress) 
     instance("certificate", certificate, Certificate, hint=" (certify makes one)")
     experiment = certificate.result.experiment
     k_a, fastest = sliding_mode(experiment).auxiliary.k_a, 1 / experiment.simulation.sample_time
-    tried, history, runs = certificate, [_shortfall(certificate)], 0
+    candidate, history, runs = certificate, [_shortfall(certificate)], 0
     for decay in (k_a or AuxiliaryGains().k_a, fastest):
-        if tried.certified:
+        if candidate.certified:
             break
-        tried = certificate
+        candidate = certificate
         for _ in range(GAIN_ROUNDS):
-            tried = certify(_raised(tried, decay))
+            candidate = certify(_raised(candidate, decay))
             runs += 1
-            history.append(f"k_a = {decay:g}: {_shortfall(tried)}")
+            history.append(f"k_a = {decay:g}: {_shortfall(candidate)}")
             progress(runs / (2 * GAIN_ROUNDS))
-            if tried.certified or tried.result.outcome != "completed":
+            if candidate.certified or candidate.result.outcome != "completed":
                 break
-    before, after = leaves(experiment.controller), leaves(tried.result.experiment.controller)
+    before, after = leaves(experiment.controller), leaves(candidate.result.experiment.controller)
     return NearbyGains(
-        certificate=tried,
+        certificate=candidate,
         changes={f"controller.{key}": (before[key], value) for key, value in after.items() if value != before[key]},
-        found=tried.certified,
+        found=candidate.certified,
         history=history,
-        reason=_reason(certificate, tried),
+        reason=_reason(certificate, candidate),
     )
 
 
@@ -429,14 +429,14 @@ def _raised(certificate: Certificate, k_a: float) -> Experiment:
     """The experiment with this k_a, and gains that violate a condition raised as the certificate's run requires."""
     experiment, bounds = certificate.result.experiment, certificate.bounds[IDEAL]
     weight = auxiliary_weight_needed(experiment.controller.limits.tension_max, k_a)
-    wanted = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
+    gains = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
     for condition in certificate.conditions:
         if condition.name == "switching gain" and condition.basis == IDEAL and not condition.holds:
-            wanted["nftsm.k"] = HEADROOM * condition.right
+            gains["nftsm.k"] = HEADROOM * condition.right
     if bounds.observer_gain < bounds.disturbance_rate:
-        wanted["observer.l0"] = HEADROOM * bounds.disturbance_rate
+        gains["observer.l0"] = HEADROOM * bounds.disturbance_rate
     before = leaves(experiment.controller)
-    rising = {key: max(before[key], value) for key, value in wanted.items()}
+    rising = {key: max(before[key], value) for key, value in gains.items()}
     return replace(experiment, controller=with_leaves(experiment.controller, rising))
 
 
@@ -466,10 +466,10 @@ def _reason(given: Certificate, tried: Certificate) -> str:
     if not excess > 0:
         return f"after {GAIN_ROUNDS} rounds the bounds still grow as fast as the gains"
     sample_time = experiment.simulation.sample_time
-    least = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
+    weight_needed = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
     return (
         f"the force saturates, at first by {excess:.4g} N. Z_a decays within one sample at best (k_a <= 1/Ts), so "
-        f"gamma must be >= 2 F_max Ts = {least:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "
-        f"{least * sample_time * excess:.4g} m/s into "
+        f"gamma must be >= 2 F_max Ts = {weight_needed:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "
+        f"{weight_needed * sample_time * excess:.4g} m/s into "
         "e2 + gamma Z_a: the force then saturates even more, and the loop runs away"
     )

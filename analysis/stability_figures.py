@@ -67,17 +67,17 @@ class StabilityReport:
 
     @property
     def _verdict(self) -> Sentence:
-        certificate, failing, judged = self.certificate, self.failing, self.judged
+        certificate, failing, totals = self.certificate, self.failing, self.judged
         if certificate.result.outcome != "completed":
             return Sentence(": the run did not reach its end.", "Not certified")
         if certificate.certified_with_ropes:
             return Sentence(", also with the force that the ropes do not deliver as a disturbance.", "Certified")
         if certificate.certified:
             return Sentence(f", but not with {REAL}: the force lags behind its command.", "Certified as printed")
-        words = f": {failing['printed']} of the paper's {judged['printed']} conditions fail"
-        if more := failing["with_ropes"] - failing["printed"]:
-            words += f"; with {REAL}, {more} more"
-        return Sentence(f"{words} ({failing['with_ropes']} of the {judged['with_ropes']} rows above).", "Not certified")
+        words = f": {failing['printed']} of the paper's {totals['printed']} conditions fail"
+        if further_failures := failing["with_ropes"] - failing["printed"]:
+            words += f"; with {REAL}, {further_failures} more"
+        return Sentence(f"{words} ({failing['with_ropes']} of the {totals['with_ropes']} rows above).", "Not certified")
 
     @property
     def _nearby_gains(self) -> list[str]:

@@ -226,10 +226,13 @@ def _rope(
 ) -> None:
     """Draw a rope from the top of its drum, over the rollers, to the vehicle."""
     tension, sags = frames[f"F{number}"], frames.get(f"sag_{number}", np.zeros(len(ends)))
-    drawn = sags * machine.scale * sag_enlargement(machine, frames)
+    drawn_sags = sags * machine.scale * sag_enlargement(machine, frames)
     rope = add(parent, "path", fill="none", stroke_width=3.5, stroke_linecap="round")
     animate(
-        rope, "d", [_rope_svg(machine, drum, *each) for each in zip(ends.tolist(), drawn.tolist(), strict=True)], play
+        rope,
+        "d",
+        [_rope_svg(machine, drum, *each) for each in zip(ends.tolist(), drawn_sags.tolist(), strict=True)],
+        play,
     )
     animate(rope, "stroke", [colour(value, machine.highest) for value in tension.tolist()], play)
 
@@ -243,12 +246,12 @@ def _rope_svg(machine: Machine, drum: float, end: float, sag: float) -> str:
     begin = f"M{number(drum)} {height}H"
     if sag < 0.05:  # straight at the precision of the picture
         return begin + number(end)
-    whole = machine.scale * float(machine.experiment.plant.track.roller_spacing) or abs(end - rail_end)
+    span = machine.scale * float(machine.experiment.plant.track.roller_spacing) or abs(end - rail_end)
     line, at = [begin + number(rail_end)], rail_end
     while abs(end - at) > 0.05:
-        part = min(abs(end - at), whole)
+        part = min(abs(end - at), span)
         at += np.copysign(part, end - at)
-        line.append(f"q{number(np.copysign(part / 2, end - drum))} {number(2 * sag * (part / whole) ** 2)} ")
+        line.append(f"q{number(np.copysign(part / 2, end - drum))} {number(2 * sag * (part / span) ** 2)} ")
         line.append(f"{number(np.copysign(part, end - drum))} 0")
     return "".join(line)
 
@@ -287,12 +290,12 @@ def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: 
 
 def _arrows(lengths: Floats, height: float) -> Sequence[str]:
     y = number(height)
-    found = []
+    arrows = []
     for length in lengths.tolist():
         head = -np.sign(length) * min(abs(length), 7)
         barb = number(head)
-        found.append(f"M0 {y}h{number(length)}m{barb} {barb}L{number(length)} {y}l{barb} {number(-head)}")
-    return found
+        arrows.append(f"M0 {y}h{number(length)}m{barb} {barb}L{number(length)} {y}l{barb} {number(-head)}")
+    return arrows
 
 
 LABELLED_HEIGHT, LABELLED_RAIL = 236, 172.0
@@ -403,9 +406,9 @@ def draw_traces(parent: Element, t: Floats, duration: float, panels: list[Panel]
                 group.set(name, value)
             for line in panel.lines:
                 times, values = thin(t, line.values, 420)
-                kept = np.isfinite(values)
-                ys = panel.y(np.clip(values[kept], panel.low, panel.high))
-                add(group, "path", d=path(AXIS_LEFT + scale * times[kept], ys), stroke=line.colour)
+                finite = np.isfinite(values)
+                ys = panel.y(np.clip(values[finite], panel.low, panel.high))
+                add(group, "path", d=path(AXIS_LEFT + scale * times[finite], ys), stroke=line.colour)
     for value in ticks:
         if 0 <= value <= duration:
             x = AXIS_LEFT + scale * value

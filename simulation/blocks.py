@@ -106,24 +106,24 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     start = initial_controller_state(experiment.controller, experiment.reference.start)
     state, sensed = _new(leaves(start)), _new(describe(Measurement))
     references = reference_inputs(experiment.controller)
-    wanted = _new(references)
+    setpoints = _new(references)
     following, output = controller_step(
         with_leaves(start, state),
         Measurement(**sensed),
-        _setpoint(list(wanted.values()), experiment.controller.preview),
+        _setpoint(list(setpoints.values()), experiment.controller.preview),
         parts.controller,
         with_leaves(structure_of(experiment).nominal, symbols, "nominal."),
         symbols["simulation.sample_time"],
     )
-    winches, position, own = output.winches, output.position, own_signals(output)
+    winches, position, signals_of_law = output.winches, output.position, own_signals(output)
     flat = {"tau_1": winches.tau_1, "tau_2": winches.tau_2, "F1_cmd": winches.F1_cmd, "F2_cmd": winches.F2_cmd}
-    flat |= {"u": position.u, "u_sat": position.u_sat} | {name: value for name, (value, _) in own.items()}
+    flat |= {"u": position.u, "u_sat": position.u_sat} | {name: value for name, (value, _) in signals_of_law.items()}
     flat |= {"saturated": output.saturated, "torque_saturated": winches.torque_saturated}
     about = _facts(describe_parts(winches)) | _facts(describe_parts(position))
-    about |= {name: (quantity, ANY) for name, (_, quantity) in own.items()} | {"saturated": (SATURATED, ANY)}
+    about |= {name: (quantity, ANY) for name, (_, quantity) in signals_of_law.items()} | {"saturated": (SATURATED, ANY)}
     return Equations(
         state=state,
-        input=sensed | wanted,
+        input=sensed | setpoints,
         initial=leaves(start),
         next_state=leaves(following),
         output=flat,
@@ -150,9 +150,9 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         plant=plant,
     )
     solver = solver_of(experiment)
-    moved = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
-    held = replace(problem, torques=shaft_torques(Torques(**torques), here, plant))
-    slope = held.derivative(t, motion)
+    end = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
+    problem_now = replace(problem, torques=shaft_torques(Torques(**torques), here, plant))
+    slope = problem_now.derivative(t, motion)
 
     def output(at: PlantState, when: Scalar) -> Scalars:
         return leaves(at) | dict(zip(("F1", "F2"), tensions(at, plant, when), strict=True))
@@ -167,8 +167,8 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         input=torques | sea,
         initial=leaves(resting_state(parts.controller.limits.preload, plant, experiment.reference.start))
         | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
-        next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
-        output=output(moved.plant, t + sample_time),
+        next_state=leaves(end.plant) | {PHASE: end.phase, SAMPLE: state[SAMPLE] + 1, SLOW: end.slow},
+        output=output(end.plant, t + sample_time),
         about=(
             states,
             _facts(describe(Torques)) | _facts(describe(DisturbanceInputs)),
@@ -197,12 +197,12 @@ def _swings(plant: Plant, preload: float) -> dict[str, float]:
 def _exogenous_facts(controller: Controller) -> Facts:
     """Quantities and ranges of the exogenous signals of the closed loop."""
     calm = zero_exogenous(controller)
-    found = _facts(describe_parts(calm))
+    facts = _facts(describe_parts(calm))
     if times := controller.preview:
         for (name, _), time in zip(leaves(calm.ahead, "ahead.").items(), 3 * times, strict=True):
-            quantity, allowed = found[name]
-            found[name] = replace(quantity, meaning=f"{quantity.meaning}, {time:g} s ahead"), allowed
-    return found
+            quantity, allowed = facts[name]
+            facts[name] = replace(quantity, meaning=f"{quantity.meaning}, {time:g} s ahead"), allowed
+    return facts
 
 
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:
@@ -280,8 +280,12 @@ def _assemble(
     name: str, description: str, law: Equations, symbols: Scalars, values: dict[str, float], experiment: Experiment
 ) -> Block:
     """The block of some equations, without inputs and parameters that nothing depends on."""
-    given = {"step": ("state", "input", "parameters"), "initial": ("parameters",), "output": ("state", "parameters")}
-    given["derivative"] = given["step"]
+    arguments = {
+        "step": ("state", "input", "parameters"),
+        "initial": ("parameters",),
+        "output": ("state", "parameters"),
+    }
+    arguments["derivative"] = arguments["step"]
     results = {
         "step": {"next_state": law.next_state, "output": law.output},
         "initial": {"state": law.initial},
@@ -294,18 +298,18 @@ def _assemble(
 
     def function(kind: str) -> ca.Function:
         expressions = [_column(part) for part in results[kind].values()]
-        columns = [_column(vectors[name]) for name in given[kind]]
-        return ca.Function(kind, columns, expressions, [*given[kind]], [*results[kind]], {"cse": True})
+        columns = [_column(vectors[name]) for name in arguments[kind]]
+        return ca.Function(kind, columns, expressions, [*arguments[kind]], [*results[kind]], {"cse": True})
 
     step, initial = function("step"), function("initial")
     output = function("output") if law.output_now else None
     numbers = [values[key] for key in parameters]
     state = np.array(initial(numbers)).ravel()
     at_rest = _at_rest(experiment)
-    known = structure_of(experiment).parameters
+    descriptions = structure_of(experiment).parameters
     start = [at_rest.get(key, 0.0) for key in inputs]
-    first = output(state, numbers) if output else step(state, start, numbers)[1]
-    ruled, requirements = _requirements(experiment, parameters, known)
+    outputs_at_start = output(state, numbers) if output else step(state, start, numbers)[1]
+    ruled, requirements = _requirements(experiment, parameters, descriptions)
     of_state, of_input, of_output = law.about
     return Block(
         name=name,
@@ -317,8 +321,8 @@ def _assemble(
             for variable in _variables(law.state, state, of_state)
         ),
         inputs=_variables(inputs, start, of_input),
-        outputs=_variables(law.output, np.array(first).ravel(), of_output),
-        parameters=tuple(_parameter(key, values[key], known[key]) for key in parameters),
+        outputs=_variables(law.output, np.array(outputs_at_start).ravel(), of_output),
+        parameters=tuple(_parameter(key, values[key], descriptions[key]) for key in parameters),
         sample_time=experiment.simulation.sample_time,
         output=output,
         derivative=function("derivative") if law.derivative else None,
@@ -370,12 +374,14 @@ def _used(symbols: Scalars, expressions: ca.SX) -> Scalars:
 def _at_rest(experiment: Experiment) -> dict[str, float]:
     """Sensor values, reference and motor torques at rest before the first sample, by input name."""
     preload, plant, x = experiment.controller.limits.preload, experiment.plant, experiment.reference.start
-    rest = resting_state(preload, plant, x)
-    read = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
+    state = resting_state(preload, plant, x)
+    read = dict(zip(("F1", "F2"), tensions(state, plant), strict=True))
     references = ("reference.x", *reference_inputs(experiment.controller))
     read |= {name: x for name in references if name.partition("_ahead")[0] in {"x_ref", "reference.x"}}
-    read |= {f"theta_{number}": angle for number, (angle, _) in enumerate(rest.shafts, start=1)}
-    return {key: float(value) for key, value in (leaves(rest) | read | leaves(holding_torques(preload, plant))).items()}
+    read |= {f"theta_{number}": angle for number, (angle, _) in enumerate(state.shafts, start=1)}
+    return {
+        key: float(value) for key, value in (leaves(state) | read | leaves(holding_torques(preload, plant))).items()
+    }
 
 
 def _variables(names: Iterable[str], starts: Iterable[float], about: Facts) -> tuple[Variable, ...]:

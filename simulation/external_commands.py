@@ -37,8 +37,8 @@ class Sensed(PositionOutput):
 def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate, setpoint: Setpoint) -> Sensed:
     """The output for a force in N before and after saturation, with the values known to the controller."""
     names = ("x", "v", "F1", "F2", "omega_1", "omega_2", "theta_1", "theta_2", "d")
-    known = {f"{name}_sensed": getattr(estimate, name) for name in names}
-    return Sensed(u=u, u_sat=u_sat, e_sensed=estimate.x - setpoint.x, **known)
+    estimates = {f"{name}_sensed": getattr(estimate, name) for name in names}
+    return Sensed(u=u, u_sat=u_sat, e_sensed=estimate.x - setpoint.x, **estimates)
 
 
 @dataclass(frozen=True)

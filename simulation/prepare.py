@@ -238,9 +238,10 @@ def check_memory(samples: int, stride: int, columns: int) -> None:
     if not (stride and hasattr(os, "sysconf")):
         return
     room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2
-    wanted = 2 * 8 * columns * samples / stride  # once as rows, once as columns
-    if wanted > room:
-        least = math.ceil(stride * wanted / room)
+    bytes_needed = 2 * 8 * columns * samples / stride  # once as rows, once as columns
+    if bytes_needed > room:
+        least_stride = math.ceil(stride * bytes_needed / room)
         raise ConfigurationError(
-            f"stride = {stride}: must be >= {least}, to keep the rows of {samples} samples within half of the memory"
+            f"stride = {stride}: must be >= {least_stride}, to keep the rows of {samples} samples within half of the "
+            "memory"
         )

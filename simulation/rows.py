@@ -126,15 +126,15 @@ def row_of(
         tau_1=output.winches.tau_1,
         tau_2=output.winches.tau_2,
     )
-    values, own, known = leaves(row) | inner, own_signals(output), COLUMNS | INNER | TORQUES | READINGS
+    values, signals_of_law, reserved = leaves(row) | inner, own_signals(output), COLUMNS | INNER | TORQUES | READINGS
     if torques is not None:
         values |= leaves(ActualTorques(torques.tau_1, torques.tau_2))
     if measurement is not None:
         values |= {f"{name}{READ}": value for name, value in leaves(measurement).items()}
-    taken = sorted(own.keys() & known.keys())
-    if taken:
-        raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
-    return {key: (value, known[key]) for key, value in values.items()} | own
+    conflicts = sorted(signals_of_law.keys() & reserved.keys())
+    if conflicts:
+        raise ConfigurationError(f"signal '{conflicts[0]}': the name is taken by a column of every result")
+    return {key: (value, reserved[key]) for key, value in values.items()} | signals_of_law
 
 
 @dataclass(frozen=True)

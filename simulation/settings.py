@@ -128,23 +128,23 @@ def with_settings(
         raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
     for key in values:
         instance("values", key, str, hint=" as key")
-    given = {current(key): key for key in values}
+    spelling = {current(key): key for key in values}
     values = {current(key): value for key, value in values.items()}
     checked: dict[str, Any] = {}
 
     def located_now(key: str) -> AbstractContextManager[None]:
-        return located(given[key])
+        return located(spelling[key])
 
     for described in (describe_choices, describe_parts):  # parts first: they determine which gains exist
-        known = described(experiment)
+        descriptions = described(experiment)
         for key, value in values.items():
-            if key in known and key not in checked:
-                with located(given[key]):
-                    checked[key] = validated(known[key], value)
+            if key in descriptions and key not in checked:
+                with located(spelling[key]):
+                    checked[key] = validated(descriptions[key], value)
         experiment = with_leaves(_with_files(experiment, checked, located_now), checked)
     idle = [key for key in values if key not in checked]
     for key in idle:
-        with located(given[key]):
+        with located(spelling[key]):
             validated(leaf_of(key, experiment), values[key])
     return experiment, idle
 
@@ -153,9 +153,9 @@ def _with_files(
     experiment: Experiment, values: Mapping[str, Any], located: Callable[[str], AbstractContextManager[None]]
 ) -> Experiment:
     """The experiment after reading the files that some values name; errors name the key of the file."""
-    known = describe_parts(experiment)
+    descriptions = describe_parts(experiment)
     for key in values:
-        if Mark.FILE in known[key].marks:
+        if Mark.FILE in descriptions[key].marks:
             table = key.rpartition(".")[0] + "."
             with located(key):
                 experiment = with_leaves(experiment, {k: v for k, v in values.items() if k.startswith(table)})
@@ -192,11 +192,11 @@ def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
         ConfigurationError: an unknown key; the message suggests similar ones.
     """
     here, key = describe_parts(experiment) if experiment else {}, current(key)
-    if found := here.get(key) or known_keys().get(key):
-        return found
-    known = list(dict.fromkeys((*known_keys(), *here)))
-    below = [name for name in known if name.startswith(key + ".")]
+    if leaf := here.get(key) or known_keys().get(key):
+        return leaf
+    names = list(dict.fromkeys((*known_keys(), *here)))
+    below = [name for name in names if name.startswith(key + ".")]
     if below:
-        first = ", ".join(name.removeprefix(key + ".") for name in below[:6])
-        raise ConfigurationError(f"{key} is a table; its keys are {first}" + (", ..." if len(below) > 6 else ""))
-    raise ConfigurationError(unknown("key", key, known, "; dualwinch config prints all"))
+        examples = ", ".join(name.removeprefix(key + ".") for name in below[:6])
+        raise ConfigurationError(f"{key} is a table; its keys are {examples}" + (", ..." if len(below) > 6 else ""))
+    raise ConfigurationError(unknown("key", key, names, "; dualwinch config prints all"))

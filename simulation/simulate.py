@@ -59,17 +59,17 @@ def simulate(
     check_memory(experiment.samples, stride, len(loop.columns))
     run = engine_of(loop, experiment.simulation.engine if engine is None else engine)
     parameters, state = loop.vector(prepared.parameters), prepared.state
-    kept: list[NDArray[np.float64]] = []
-    outcome, done = Outcome.COMPLETED, 0
+    blocks: list[NDArray[np.float64]] = []
+    outcome, count = Outcome.COMPLETED, 0
     for piece in exogenous_pieces(experiment, max(PIECE // max(stride, 1), 1) * max(stride, 1)):
         outcome, stepped, rows = run(parameters, piece, state, stride)
-        kept.append(rows)
-        done += stepped
-        progress(done / experiment.samples)
+        blocks.append(rows)
+        count += stepped
+        progress(count / experiment.samples)
         if outcome != Outcome.COMPLETED:
             break
-    rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
-    return result_of(loop, experiment, nominal, rows, state, outcome, done)
+    rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+    return result_of(loop, experiment, nominal, rows, state, outcome, count)
 
 
 def result_of(

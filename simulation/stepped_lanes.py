@@ -130,10 +130,10 @@ class Scenarios:
         self._command: CommandName = command
         self.experiment = under_command(self._base, command)
         prepared = prepare(self.experiment)
-        drawn = self.ensemble.drawn_keys if self.ensemble else ()
+        drawn_keys = self.ensemble.drawn_keys if self.ensemble else ()
         self._structure = prepared.structure
-        self._zeros = zeros_of(self._structure, prepared.parameters, varying=drawn)
-        self._zeros |= absent_signals(self._base, varying=drawn)
+        self._zeros = zeros_of(self._structure, prepared.parameters, varying=drawn_keys)
+        self._zeros |= absent_signals(self._base, varying=drawn_keys)
         self.loop = closed_loop(self._structure, self._zeros)
 
     def commanded(self, signals: tuple[str, ...]) -> Commanded:
@@ -303,9 +303,9 @@ class Lanes:
         self.runs.read(index, page.address(sample))
 
     def _turn_pages(self) -> None:
-        done = self.runs.done
-        for index in np.flatnonzero((self.runs.outcomes == Outcome.RUNNING) & (done == self._ends)).tolist():
-            self._turn(index, self._pages[index].following(), int(done[index]))
+        samples_done = self.runs.done
+        for index in np.flatnonzero((self.runs.outcomes == Outcome.RUNNING) & (samples_done == self._ends)).tolist():
+            self._turn(index, self._pages[index].following(), int(samples_done[index]))
         self._count_left()
 
     def _count_left(self) -> None:

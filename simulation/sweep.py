@@ -220,15 +220,15 @@ def sweep(
     instance("experiment", experiment, Experiment)
     if not isinstance(values, Mapping):
         raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
-    grid = {current(key): _listed(key, given) for key, given in values.items()}
+    grid = {current(key): _listed(key, axis_values) for key, axis_values in values.items()}
     if "metrics" in grid:
         raise ConfigurationError("metrics: is the same for all runs of a sweep; add every metric to the experiment")
     if not grid:
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))
     experiments = np.empty(shape, dtype=object)
-    for done, (index, point) in enumerate(zip(np.ndindex(shape), product(*grid.values()), strict=True)):
-        progress(PREPARING * done / experiments.size)
+    for count, (index, point) in enumerate(zip(np.ndindex(shape), product(*grid.values()), strict=True)):
+        progress(PREPARING * count / experiments.size)
         experiments[index] = _point(experiment, dict(zip(grid, point, strict=True)))
     runs = run_grid(experiments, workers=workers, progress=part(progress, PREPARING, 1.0))
     edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
@@ -239,7 +239,9 @@ def sweep(
         runs.interrupted,
         experiment=experiment,
         keys=tuple(grid),
-        values=tuple(tuple(leaves(made)[key] for made in edge) for key, edge in zip(grid, edges, strict=True)),
+        values=tuple(
+            tuple(leaves(experiment_at)[key] for experiment_at in edge) for key, edge in zip(grid, edges, strict=True)
+        ),
         quantities={key: leaf_of(key, edge[0]).quantity for key, edge in zip(grid, edges, strict=True)},
     )
 
@@ -260,14 +262,14 @@ def _listed(key: str, given: Iterable[Any]) -> list[Any]:
 def _point(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     """The checked experiment of a grid point."""
     try:
-        made = override(experiment, values)
-        prepare(made)
+        experiment_at = override(experiment, values)
+        prepare(experiment_at)
     except ConfigurationError as error:
         message, assignments = str(error), [f"{key} = {shown(value)}" for key, value in values.items()]
         if message.startswith(("unknown key", *assignments)):
             raise
         raise ConfigurationError(f"{', '.join(assignments)}: {message}") from error
-    return made
+    return experiment_at
 
 
 SPAN = 10
@@ -301,11 +303,11 @@ class SweptAxis:
         at = np.log(self.positions) if self.log else self.positions
         if len(at) == 1:
             half = 0.5 * (abs(at[0]) or 1.0)
-            inner, first, last = np.empty(0), at[0] - half, at[0] + half
+            inner, low_edge, high_edge = np.empty(0), at[0] - half, at[0] + half
         else:
             inner = (at[1:] + at[:-1]) / 2
-            first, last = 2 * at[0] - inner[0], 2 * at[-1] - inner[-1]
-        edges = np.concatenate(([first], inner, [last]))
+            low_edge, high_edge = 2 * at[0] - inner[0], 2 * at[-1] - inner[-1]
+        edges = np.concatenate(([low_edge], inner, [high_edge]))
         return np.exp(edges) if self.log else edges
 
     def draw(self, axes: "Axes", side: Literal["x", "y"], label: str) -> None:
@@ -363,26 +365,26 @@ def sweep_figure(result: Sweep, metric: str, *, ax: GivenAxes = None) -> "Figure
         raise UnknownNameError(unknown("metric", metric, result.metrics))
     if len(result.keys) not in {1, 2}:
         raise ConfigurationError(f"a sweep of {len(result.keys)} keys cannot be drawn; at(key, value) removes one")
-    along = [swept_axis(values) for values in result.values]
+    axes_of_sweep = [swept_axis(values) for values in result.values]
     values, outcomes = result.metrics[metric], result.outcomes
-    for dimension, axis in enumerate(along):
+    for dimension, axis in enumerate(axes_of_sweep):
         values, outcomes = values.take(axis.order, dimension), outcomes.take(axis.order, dimension)
     title = f"{metric} over {' and '.join(key.rsplit('.', 1)[-1] for key in result.keys)}"
     law = "" if "controller.kind" in result.keys else f"{law_label(result.experiment)}; "
-    with new_page(ax, 2.6 + 0.6 * len(along), title, law + scenario(result.experiment)) as page:
+    with new_page(ax, 2.6 + 0.6 * len(axes_of_sweep), title, law + scenario(result.experiment)) as page:
         (axes,) = page.panels()
-        draw = _line if len(along) == 1 else _map
-        draw(axes, along, values, _named(metric, result.merits[metric]))
+        draw = _line if len(axes_of_sweep) == 1 else _map
+        draw(axes, axes_of_sweep, values, _named(metric, result.merits[metric]))
         for outcome, marker in MARKS.items():
             ended = np.nonzero(outcomes == outcome)
-            x, *y = (axis.positions[indices] for axis, indices in zip(along, ended, strict=True))
+            x, *y = (axis.positions[indices] for axis, indices in zip(axes_of_sweep, ended, strict=True))
             below = (np.full(len(x), 0.04), axes.get_xaxis_transform())
             y, transform = (y[0], axes.transData) if y else below
             label = outcome.replace("_", " ") if len(x) else None
             marked = {"marker": marker, "linestyle": "none", "color": VERMILION, "label": label}
-            axes.plot(x, y, **marked, transform=transform, clip_on=len(along) > 1)
+            axes.plot(x, y, **marked, transform=transform, clip_on=len(axes_of_sweep) > 1)
         axes.set_title(readable(result.merits[metric].meaning))
-        for key, axis, side in zip(result.keys, along, ("x", "y"), strict=False):
+        for key, axis, side in zip(result.keys, axes_of_sweep, ("x", "y"), strict=False):
             axis.draw(axes, side, _named(key, result.quantities[key]))
         page.legend()
     return page.figure

@@ -59,14 +59,14 @@ def history(problem: TuningProblem, trials: Sequence[Evaluation], *, ax: GivenAx
         (axes,) = page.panels()
         numbers = np.arange(len(trials))
         axes.plot(numbers, best, color=BLUE, drawstyle="steps-post", label="best so far")
-        known = np.isfinite(values)
-        for chosen, colour, label in _by_feasibility(feasible):
-            shown = _thinned(numbers[chosen & known])
-            _dots(axes, shown, values[shown], colour, label)
+        finite = np.isfinite(values)
+        for group, colour, label in _by_feasibility(feasible):
+            points = _thinned(numbers[group & finite])
+            _dots(axes, points, values[points], colour, label)
         start = next((trial.objectives[0] for trial in trials if trial.point == problem.start), None)
         if start:
             axes.axhline(start, **START)
-        _scale(axes.set_yscale, values[known])
+        _scale(axes.set_yscale, values[finite])
         axes.set(xlabel="trial", ylabel=axis_title(objective), xlim=(0, max(len(trials) - 1, 1)))
         page.legend()
     return page.figure
@@ -95,18 +95,22 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
     """Name of a dimension → its importance, with the sum 1; empty for fewer than 20 trials."""
     import optuna
 
-    whole = [trial for trial in trials if not trial.pruned and math.isfinite(trial.objectives[0])]
-    if len(whole) < 20 or len(problem.space.dimensions) < 2:
+    complete = [trial for trial in trials if not trial.pruned and math.isfinite(trial.objectives[0])]
+    if len(complete) < 20 or len(problem.space.dimensions) < 2:
         return {}
     study = optuna.create_study()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        single = [replace(trial, objectives=trial.objectives[:1], violations={}) for trial in whole]
+        single = [replace(trial, objectives=trial.objectives[:1], violations={}) for trial in complete]
         study.add_trials([finished_trial(trial, problem.space) for trial in single])
-        found = optuna.importance.get_param_importances(
+        importances_by_name = optuna.importance.get_param_importances(
             study, evaluator=optuna.importance.PedAnovaImportanceEvaluator(), normalize=True
         )
-    return {name: float(value) for name, value in found.items()} if sum(found.values()) > 0 else {}
+    return (
+        {name: float(value) for name, value in importances_by_name.items()}
+        if sum(importances_by_name.values()) > 0
+        else {}
+    )
 
 
 def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], verdict: SelectionResult) -> Figure:
@@ -121,8 +125,8 @@ def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], v
             shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
             axes.plot(columns, problem.space.encoded(trials[index].point), color=BLUE, alpha=shade, linewidth=0.8)
         if verdict.improved:
-            chosen = problem.space.encoded(verdict.best.point)
-            axes.plot(columns, chosen, color=BLUE, linewidth=2.2, label=_named(verdict)["best"])
+            best_point = problem.space.encoded(verdict.best.point)
+            axes.plot(columns, best_point, color=BLUE, linewidth=2.2, label=_named(verdict)["best"])
         label = START["label"] if verdict.improved else _named(verdict)["best"]
         axes.plot(columns, problem.space.encoded(problem.start), **{**START, "linewidth": 1.2, "label": label})
         for column, dimension in zip(columns, dimensions, strict=True):
@@ -148,28 +152,28 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
     """
     across = problem.objectives[0]
     upward = problem.objectives[1] if len(problem.objectives) > 1 else statistic_from(CHATTER)
-    whole = [trial for trial in trials if not trial.pruned]
-    points = np.array([[trial.statistics[statistic.name] for statistic in (across, upward)] for trial in whole])
-    kept = np.isfinite(points).all(axis=1)
-    feasible = np.array([trial.feasible for trial in whole]) & kept
+    complete = [trial for trial in trials if not trial.pruned]
+    points = np.array([[trial.statistics[statistic.name] for statistic in (across, upward)] for trial in complete])
+    finite = np.isfinite(points).all(axis=1)
+    feasible = np.array([trial.feasible for trial in complete]) & finite
     words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"
     with new_page(None, 3.8, "Trade-offs", words) as page:
         (axes,) = page.panels()
-        for chosen, colour, label in _by_feasibility(feasible):
-            shown = points[_thinned(np.flatnonzero(chosen & kept))]
-            _dots(axes, shown[:, 0], shown[:, 1], colour, label)
+        for group, colour, label in _by_feasibility(feasible):
+            group_points = points[_thinned(np.flatnonzero(group & finite))]
+            _dots(axes, group_points[:, 0], group_points[:, 1], colour, label)
         if len(problem.objectives) > 1:
-            edge, label = points[pareto_front(whole)], "Pareto front"
+            edge, label = points[pareto_front(complete)], "Pareto front"
         else:
-            edge, label = points[kept][undominated(*points[kept].T)], "lower edge of all trials"
+            edge, label = points[finite][undominated(*points[finite].T)], "lower edge of all trials"
         if len(edge):
             axes.plot(*edge.T, color=BLUE, marker="o", markersize=3, label=label)
         for constraint in constraints:
             if constraint.statistic == upward and not constraint.unbounded:
                 words = f"bound in the search, {constraint.bound:.3g}{behind_number(upward.unit)}"
                 axes.axhline(constraint.bound, color=GREY, linestyle=(0, (1, 1.5)), label=words)
-        _scale(axes.set_xscale, points[kept, 0])
-        _scale(axes.set_yscale, points[kept, 1])
+        _scale(axes.set_xscale, points[finite, 0])
+        _scale(axes.set_yscale, points[finite, 1])
         axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))
         page.legend()
     return page.figure

@@ -125,12 +125,12 @@ def modal_frequencies(
     s, are marked. Panels: frequency and damping.
     """
     tracks = [track for track in track_modes(systems, plant) if np.any(track.natural_frequencies > 0)]
-    others = _track_looks([track.label for track in tracks if track.label not in ROPE_TRACKS])
+    looks = _track_looks([track.label for track in tracks if track.label not in ROPE_TRACKS])
     values = [system.operating_point[swept] for system in systems]
     with new_page(ax, 5.0, f"Modes of the plant along {swept}", _point_in_words(systems[0], swept)) as page:
         frequency, damping = panels = page.panels(2, sharex=True, height_ratios=(1.6, 1))
         for track in tracks:
-            style = others.get(track.label) or {"color": ROPE_TRACKS[track.label]}
+            style = looks.get(track.label) or {"color": ROPE_TRACKS[track.label]}
             frequency.semilogy(values, track.natural_frequencies / TURN, **style, label=track.label)
             damping.plot(values, track.dampings, **style, label=track.label)
         for samples, dashes in ((2, (0, (5, 2))), (SAMPLES_A_PERIOD, (0, (1, 1.5)))):
@@ -186,15 +186,15 @@ def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> 
     prefix = plant_prefix(system.states)
     if prefix is None:
         raise ConfigurationError("mode shapes need the states of the plant: there are none in this system")
-    found = modes(system, plant)
-    labels = numbered([mode.label for mode in found])
-    found = [replace(mode, label=label) for mode, label in zip(found, labels, strict=True)]
-    rows = -(-len(found) // 2)
+    system_modes = modes(system, plant)
+    labels = numbered([mode.label for mode in system_modes])
+    system_modes = [replace(mode, label=label) for mode, label in zip(system_modes, labels, strict=True)]
+    rows = -(-len(system_modes) // 2)
     with new_page(ax, 1.0 + 1.6 * rows, "Mode shapes of the plant", _point_in_words(system, None)) as page:
         panels = page.panels(rows, 2, order="C", sharex=True, sharey=True)
-        for axes, mode in zip(panels, found, strict=False):
+        for axes, mode in zip(panels, system_modes, strict=False):
             _shape(axes, mode, plant, prefix)
-        for axes in panels[len(found) :]:
+        for axes in panels[len(system_modes) :]:
             axes.set_visible(False)
         for axes in panels[::2]:
             axes.set_ylabel("displacement")
@@ -209,20 +209,20 @@ ROTOR = 0.2
 
 
 def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
-    found = displacements(mode.shape, plant, prefix)
-    for side, colour, place in zip(found.sides[::-1], ROPE_COLOURS[::-1], (0, 2), strict=True):
-        along = (np.array([side.drum, *side.nodes, found.vehicle]) / found.largest).real
-        at = np.linspace(place, 1, len(along))
-        axes.plot(at, along, color=colour, linewidth=1.2)
-        axes.plot(at[1:-1], along[1:-1], ".", color=colour)
-        axes.vlines(at, 0, along, color=LIGHT, linewidth=4, zorder=1)
-        axes.plot(at[[0, -1]], along[[0, -1]], "o", color=INK, markersize=4.5)
+    displaced = displacements(mode.shape, plant, prefix)
+    for side, colour, place in zip(displaced.sides[::-1], ROPE_COLOURS[::-1], (0, 2), strict=True):
+        amplitudes = (np.array([side.drum, *side.nodes, displaced.vehicle]) / displaced.largest).real
+        at = np.linspace(place, 1, len(amplitudes))
+        axes.plot(at, amplitudes, color=colour, linewidth=1.2)
+        axes.plot(at[1:-1], amplitudes[1:-1], ".", color=colour)
+        axes.vlines(at, 0, amplitudes, color=LIGHT, linewidth=4, zorder=1)
+        axes.plot(at[[0, -1]], amplitudes[[0, -1]], "o", color=INK, markersize=4.5)
         if side.rotor is not None:
-            ends, turned = [place, place + ROTOR * (place - 1)], (side.rotor / found.largest).real
-            axes.plot(ends, [along[0], turned], ":", color=INK, linewidth=1)
+            ends, turned = [place, place + ROTOR * (place - 1)], (side.rotor / displaced.largest).real
+            axes.plot(ends, [amplitudes[0], turned], ":", color=INK, linewidth=1)
             axes.plot(ends[1], turned, "s", color=INK, markersize=3.5)
         if side.sag:
-            axes.plot((place + 1) / 2, (side.sag / found.largest).real, "v", color=colour, fillstyle="none")
+            axes.plot((place + 1) / 2, (side.sag / displaced.largest).real, "v", color=colour, fillstyle="none")
     zero_line(axes)
     axes.set_xticks([0, 1, 2], ["drum 2's rim", "vehicle", "drum 1's rim"])
     axes.set(xlim=(-0.3, 2.3), ylim=(-1.25, 1.25))
@@ -272,9 +272,9 @@ def _loci(response: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
     if response.shape[1] == 1:
         return [response[:, 0, 0]]
     values = np.linalg.eigvals(response)
-    kept, crossed = (np.abs(values[1:] - before).sum(axis=1) for before in (values[:-1], values[:-1, ::-1]))
-    swapped = np.concatenate([[False], np.logical_xor.accumulate(crossed < kept)])
-    return list(np.where(swapped[:, None], values[:, ::-1], values).T)
+    uncrossed, crossed = (np.abs(values[1:] - before).sum(axis=1) for before in (values[:-1], values[:-1, ::-1]))
+    exchanges = np.concatenate([[False], np.logical_xor.accumulate(crossed < uncrossed)])
+    return list(np.where(exchanges[:, None], values[:, ::-1], values).T)
 
 
 def _opening(system: LinearSystem) -> str:
@@ -289,11 +289,11 @@ def loop_bode(
 
     Panels: gain, phase.
     """
-    drawn = _styled(systems, swept)
+    looks = _styled(systems, swept)
     title = f"Loop opened at {_opening(systems[0])}"
     with new_page(ax, 5.0, title, _point_in_words(systems[0], swept)) as page:
         gain, phase = panels = page.panels(2, sharex=True)
-        for system, style in drawn:
+        for system, style in looks:
             frequency, response = _responses(system)
             for locus in _loci(response):
                 if locus.any():
@@ -302,7 +302,7 @@ def loop_bode(
         for axes, level, name in ((gain, 1, "gain"), (phase, -180, "phase (°)")):
             axes.axhline(level, color=GREY, linewidth=0.7)
             axes.set_ylabel(name)
-        if len(drawn) == 1:
+        if len(looks) == 1:
             _mark_margins(gain, phase, found[0])
         page.name_x(panels, "frequency (Hz)")
         page.legend()

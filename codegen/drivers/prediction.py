@@ -141,12 +141,15 @@ class Predictor:
             into: an earlier pass over the same data whose arrays of gains are reused.
         """
         samples, states, readings = len(data.inputs), self._sizes["STATES"], self._sizes["READINGS"]
-        kept = samples if gains else 0
-        if into is not None and into.gains.shape == (kept, readings, states):
+        gain_samples = samples if gains else 0
+        if into is not None and into.gains.shape == (gain_samples, readings, states):
             gain_rows, whitening = into.gains, into.whitening
         else:
-            gain_rows, whitening = np.zeros((kept, readings, states)), np.zeros((kept, readings, readings))
-        sums, done = np.empty((readings, 4)), ctypes.c_int64()
+            gain_rows, whitening = (
+                np.zeros((gain_samples, readings, states)),
+                np.zeros((gain_samples, readings, readings)),
+            )
+        sums, count = np.empty((readings, 4)), ctypes.c_int64()
         means, deviations = (np.full((samples, states), np.nan) if rows else None for _ in range(2))
         covariance_rows = np.full((samples, watched, states), np.nan) if watched else None
         outcome = self._filter(
@@ -154,14 +157,14 @@ class Predictor:
             *data.arguments,
             *(covariances.initial, covariances.process, covariances.measurement, outlier),
             *((gain_rows, whitening) if gains else (None, None)),
-            *(sums, means, deviations, watched, covariance_rows, ctypes.byref(done)),
+            *(sums, means, deviations, watched, covariance_rows, ctypes.byref(count)),
         )
         counts, squares, logarithms, noise = sums.T
         with np.errstate(invalid="ignore"):
             noise = noise / counts
         return FilterPass(
             outcome=Outcome(outcome),
-            done=done.value,
+            done=count.value,
             gains=gain_rows,
             whitening=whitening,
             counts=counts,
@@ -207,11 +210,11 @@ class Predictor:
             rows: whether the innovations are kept.
         """
         width, readings = self._sizes["FITTED"] + 1, self._sizes["READINGS"]
-        normal, done = np.empty((width, width)), ctypes.c_int64()
+        normal, count = np.empty((width, width)), ctypes.c_int64()
         innovations = np.full((len(data.inputs), readings), np.nan) if rows else None
         gains = filtered.gains, filtered.whitening
-        outcome = self._predict(parameters, *data.arguments, *gains, normal, innovations, ctypes.byref(done))
-        return FixedGainPrediction(Outcome(outcome), done.value, normal, innovations)
+        outcome = self._predict(parameters, *data.arguments, *gains, normal, innovations, ctypes.byref(count))
+        return FixedGainPrediction(Outcome(outcome), count.value, normal, innovations)
 
 
 DIRECTION = "direction"
@@ -250,10 +253,10 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
 
 def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> JacobianProduct:
     """Product with the Jacobian of a function with respect to its state, motion or hold, and the fitted parameters."""
-    along = {name: Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()}
-    along |= {"parameters": Tangents(DIRECTION, fitted)} if fitted else {}
+    tangents = {name: Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()}
+    tangents |= {"parameters": Tangents(DIRECTION, fitted)} if fitted else {}
     outputs = [name for name in function.name_out() if name not in {"margin", "valid"}]
-    return jacobian_product(function, along, outputs, lanes)
+    return jacobian_product(function, tangents, outputs, lanes)
 
 
 def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
@@ -277,12 +280,18 @@ def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None)
     Raises:
         CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
-    chosen = compiler or find_compiler()
+    compiler_used = compiler or find_compiler()
     signatures = {
         "filter": "pppnppppxpppppnpp -> int",
         "smooth": "pppnpppnppp -> int",
         "predict": "pppnpppppp -> int",
     }
     made_of = recipe(system.functions, "prediction", system.parts, system.fitted)
-    driver = loaded(lambda: prediction_source(system, chosen), chosen, lane_flags(chosen), made_of, **signatures)
+    driver = loaded(
+        lambda: prediction_source(system, compiler_used),
+        compiler_used,
+        lane_flags(compiler_used),
+        made_of,
+        **signatures,
+    )
     return Predictor(system.sizes, driver.filter, driver.predict, driver.smooth)

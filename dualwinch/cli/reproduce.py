@@ -84,8 +84,8 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     jobs = [(number, kind) for number in numbers for kind in kinds]
     contents = [figure for figure in FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)
-    beyond = list(product(numbers, variants_beyond_paper())) if extended else []
-    steps, steps_finished = 2 * len(jobs) + len(contents) + compared + 1 + len(beyond), count()
+    combinations = list(product(numbers, variants_beyond_paper())) if extended else []
+    steps, steps_finished = 2 * len(jobs) + len(contents) + compared + 1 + len(combinations), count()
     runs: Runs = {}
     variants: Variants = {}
     images: dict[int, bytes] = {}
@@ -100,7 +100,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
             save(result, out / "data" / f"case{number}-{kind}.parquet", version_notes())
-        for number, (law, coordination) in beyond:
+        for number, (law, coordination) in combinations:
             step(f"case {number}, {law}, {coordination}")
             experiment = override(case(number, law), {"controller.coordination.kind": coordination})
             variants[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
@@ -226,13 +226,13 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
         rows = [("here", *change.values()), ("paper", *(REDUCTIONS[key] for key in change))]
         tables.append(FigureTable("reductions", (FigureColumn("", ""), *columns), rows, title))
     for case in dict.fromkeys(number for number, *_ in variants):
-        beyond = {
+        results = {
             (number, law if coordination == PAPERS_COORDINATION else coordination): result
             for (number, law, coordination), result in variants.items()
             if number == case
         }
         title = f"Beyond the paper, Case {case}: position laws, and coordinations with {PAPERS_LAW}"
-        table = runs_table(title, beyond, FURTHER_METRICS)
+        table = runs_table(title, results, FURTHER_METRICS)
         tables.append(replace(table, columns=table.columns[1:], rows=[row[1:] for row in table.rows]))
     return tables
 

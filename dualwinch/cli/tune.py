@@ -222,8 +222,8 @@ def recall_parts(options: StudyOptions) -> list[str]:
     definition = stored_definition(options.kept_in, options.study)
     in_database = is_database(options.kept_in)
     if definition is None:
-        kept = shown(options.kept_in) if in_database else options.kept_in
-        raise ConfigurationError(f"--resume: no study '{options.study}' in {kept}; begin it without --resume")
+        storage = shown(options.kept_in) if in_database else options.kept_in
+        raise ConfigurationError(f"--resume: no study '{options.study}' in {storage}; begin it without --resume")
     name = StudyName(options.study, None if in_database else Path(options.kept_in))
     return recall(name, definition.get("parts", []))
 
@@ -340,9 +340,9 @@ def compared(tuned: TuningResult) -> dict[str, Any]:
     from dualwinch.model.quantities.figures import plain
 
     verdict, names = tuned.verdict, list(tuned.verdict.scored.statistics)
-    others = [name for name in ("paper", "start") if name in verdict.scores]
+    references = [name for name in ("paper", "start") if name in verdict.scores]
     lower, feasible = (
-        {other: {name: verdict.improvement(name, other, feasible=each) for name in names} for other in others}
+        {other: {name: verdict.improvement(name, other, feasible=each) for name in names} for other in references}
         for each in (False, True)
     )
     return plain(
@@ -383,8 +383,8 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
     line.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
     for words in filter(None, (problem.margin_conditions, *problem.choices)):
         line.say(words)
-    kept = shown(storage) if is_database(storage) else storage
-    line.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
+    place = shown(storage) if is_database(storage) else storage
+    line.say(f"kept in {place}" + (f", which has {known} trials" if known else ""))
 
 
 def print_study(tuned: TuningResult, typed: str) -> None:
@@ -411,7 +411,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     for constraint in verdict.constraints:
         satisfied = verdict.scored.violations[constraint.label] <= 0
         say(styled("" if satisfied else "red", "satisfied" if satisfied else "violated ", f"  {constraint.label}"))
-    further = (
+    sentences = (
         result.tested(tuned),
         *result.margin_places(tuned),
         result.widen(tuned),
@@ -419,7 +419,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
         result.endings(tuned),
         result.authority(tuned),
     )
-    for words in filter(None, further):
+    for words in filter(None, sentences):
         say(words)
     for number, sentence in enumerate(result.advice(tuned)):
         say(f"{'what would help: ' if not number else '                 '}{sentence}")

@@ -92,8 +92,8 @@ def _convergence(runs: Runs) -> Iterator[Claim]:
 
 def _compared(own: float, other: float) -> str:
     """Two times of convergence in words."""
-    first, second = ("never" if time == np.inf else f"after {time:.3g} s" for time in (own, other))
-    return f"{first}, the PID cascade {second}"
+    text_1, text_2 = ("never" if time == np.inf else f"after {time:.3g} s" for time in (own, other))
+    return f"{text_1}, the PID cascade {text_2}"
 
 
 def _steady_errors(runs: Runs) -> Iterator[Claim]:

@@ -73,9 +73,11 @@ def write_tuning_report(
         OSError: the file cannot be written.
     """
     folder = Path(path).parent
-    own = "".join(f" --plugin {shlex.quote(plugin)}" for plugin in plugins)
-    noted = [in_full(words, f"--config {shlex.quote(str(folder / 'best.toml'))}{own}") for words in tuned.remarks]
-    wanted = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
+    plugin_options = "".join(f" --plugin {shlex.quote(plugin)}" for plugin in plugins)
+    noted = [
+        in_full(words, f"--config {shlex.quote(str(folder / 'best.toml'))}{plugin_options}") for words in tuned.remarks
+    ]
+    bounds = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
     write_page(
         Path(path),
         "tuning.html.j2",
@@ -83,9 +85,9 @@ def write_tuning_report(
         gained=gained(tuned),
         idealised=[one.statement for one in idealisations(tuned.best)],
         costs=costs(tuned),
-        steps=next_steps(tuned, folder, own, following),
-        stress=_stress_command(folder, own),
-        constraints=f"Constraints of the search: {wanted}.",
+        steps=next_steps(tuned, folder, plugin_options, following),
+        stress=_stress_command(folder, plugin_options),
+        constraints=f"Constraints of the search: {bounds}.",
         contenders=" ".join(map(sentence, contenders(tuned))),
         authority=" ".join(filter(None, map(sentence, (*noted, authority(tuned), too_short(tuned))))),
         where=where(tuned),
@@ -141,11 +143,11 @@ def _bounds(tuned: TuningResult) -> list[dict[str, Any]]:
 def other_bounds(tuned: TuningResult) -> str:
     """The bounds relative to the paper's gains that had other values in the search, as its scenarios differ."""
     pairs = zip(tuned.training.constraints, tuned.verdict.constraints, strict=True)
-    others = [searched.label for searched, here in pairs if searched.label != here.label]
-    if not others:
+    differences = [searched.label for searched, here in pairs if searched.label != here.label]
+    if not differences:
         return ""
     words = "A bound relative to the paper's gains has another value in other scenarios"
-    return f"{words}: in the search {'; '.join(others)}."
+    return f"{words}: in the search {'; '.join(differences)}."
 
 
 def _gains(tuned: TuningResult) -> list[dict[str, Any]]:
@@ -181,12 +183,12 @@ def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
         "importance": ("Which gains matter", importance(problem, trials)),
         "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials, verdict)),
     }
-    shown = {
+    pictures = {
         name: {"title": title, "caption": CAPTIONS[name], "source": data_uri(figure)}
         for name, (title, figure) in figures.items()
         if figure is not None
     }
-    return {section: [shown[name] for name in names if name in shown] for section, names in SECTIONS.items()}
+    return {section: [pictures[name] for name in names if name in pictures] for section, names in SECTIONS.items()}
 
 
 COSTS = {
@@ -220,21 +222,21 @@ def costs(tuned: TuningResult) -> list[str]:
     verdict = tuned.verdict
     ours, theirs, sound = verdict.scored.statistics, verdict.statistics("paper"), verdict.scored.feasible
     failed = sum(count for outcome, count in verdict.scored.outcomes.items() if outcome != "completed")
-    found = []
+    rows = []
     if failed:
-        found.append(f"{failed} of {verdict.scored.scenarios} runs do not complete; means are over the others.")
+        rows.append(f"{failed} of {verdict.scored.scenarios} runs do not complete; means are over the others.")
     elif not sound:
-        found.append("These gains violate a bound; a lower cost does not make up for that.")
+        rows.append("These gains violate a bound; a lower cost does not make up for that.")
     for name, words in COSTS.items():
         if ours.get(name, 0) > 0 and theirs.get(name, 0) > 0:
             ratio = ours[name] / theirs[name]
             free = ", no cost" if ratio <= 1 and sound else ""
-            found.append(f"{words[:1].upper()}{words[1:]}: {ratio:.3g} × the paper's{free}.")
+            rows.append(f"{words[:1].upper()}{words[1:]}: {ratio:.3g} × the paper's{free}.")
     peak = ours.get("worst.peak_tension", math.nan)
     limit = float(tuned.problem.experiment.controller.limits.tension_max)
     if math.isfinite(peak):
-        found.append(f"Largest tension {peak:.0f} N; commands are limited to {limit:.0f} N.")
-    return found
+        rows.append(f"Largest tension {peak:.0f} N; commands are limited to {limit:.0f} N.")
+    return rows
 
 
 def _stress_command(folder: Path, own: str) -> str:

@@ -78,11 +78,11 @@ def linearise(
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
-    given = plant or Plant()
+    machine = plant or Plant()
     point = operating_point(
-        x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
+        x, v, preload, machine, current=current, force=force, tension_min=tension_min, tension_max=tension_max
     )
-    return linearise_at([point], given, dt)[0]
+    return linearise_at([point], machine, dt)[0]
 
 
 def linearise_sweep(
@@ -99,8 +99,8 @@ def linearise_sweep(
     Raises:
         ConfigurationError: as in `linearise`, for the first invalid point.
     """
-    given = plant or Plant()
-    return linearise_at(operating_points(x, v, preload, given, **outside), given, dt)
+    machine = plant or Plant()
+    return linearise_at(operating_points(x, v, preload, machine, **outside), machine, dt)
 
 
 def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
@@ -116,7 +116,7 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
                 "the plant has no linearisation there; tension_min > 0 keeps ropes taut"
             )
     groups = zip(*((point.state, point.torques, point.environment) for point in points), strict=True)
-    arguments = [np.array([list(leaves(each).values()) for each in along]).T for along in groups]
+    arguments = [np.array([list(leaves(each).values()) for each in group]).T for group in groups]
     arguments.append(np.repeat(np.array([list(numbers(plant).values())]).T, len(points), axis=1))
     jacobians = [
         np.array(np.split(side_by_side.full(), len(points), axis=1))
@@ -135,9 +135,9 @@ def _jacobians(structure: Plant) -> ca.Function:
     """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
     plant, p = symbols(structure, "p")
     state, x = symbols(blank_state(structure), "x")
-    asked, u = symbols(Torques(), "u")
+    commands, u = symbols(Torques(), "u")
     environment, w = symbols(DisturbanceInputs(), "w")
-    torques = shaft_torques(asked, state, plant)
+    torques = shaft_torques(commands, state, plant)
     dx = ca.vertcat(*leaves(derivative(state, torques, environment, plant)).values())
     force_1, force_2 = tensions(state, plant)
     y = ca.vertcat(state.x, state.v, force_1, force_2, state.omega_1, state.omega_2)

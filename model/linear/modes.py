@@ -47,8 +47,8 @@ class SideMotion(NamedTuple):
 
     def largest(self, kind: str) -> complex:
         """The largest displacement of a kind of mode (`MODE_KINDS`)."""
-        moved = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
-        return max(moved[kind], key=abs, default=0j)
+        displacements_by_kind = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
+        return max(displacements_by_kind[kind], key=abs, default=0j)
 
 
 class Shape(NamedTuple):
@@ -65,17 +65,17 @@ class Shape(NamedTuple):
     @property
     def largest(self) -> complex:
         """The largest displacement."""
-        moved = [self.vehicle, *(side.drum for side in self.sides)]
-        return max(*moved, *(side.largest(kind) for side in self.sides for kind in MODE_KINDS), key=abs)
+        displacements = [self.vehicle, *(side.drum for side in self.sides)]
+        return max(*displacements, *(side.largest(kind) for side in self.sides for kind in MODE_KINDS), key=abs)
 
     @property
     def is_rigid(self) -> bool:
         """Whether all displacements are equal, within `RIGID`."""
-        apart = list(self.stretches)
+        deformations = list(self.stretches)
         for side in self.sides:
-            apart += [side.sag, *(node - self.vehicle for node in side.nodes)]
-            apart += [] if side.rotor is None else [side.rotor - side.drum]
-        return max(map(abs, apart)) < RIGID * abs(self.largest)
+            deformations += [side.sag, *(node - self.vehicle for node in side.nodes)]
+            deformations += [] if side.rotor is None else [side.rotor - side.drum]
+        return max(map(abs, deformations)) < RIGID * abs(self.largest)
 
 
 def label(system: LinearSystem, participation: Mapping[str, float], shape: Mapping[str, complex], plant: Plant) -> str:
@@ -93,35 +93,35 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     x = system.operating_point.get("x")
     if prefix is None or x is None:
         return _by_states(participation)
-    known = describe_parts(blank_state(plant))
-    shares = {key: participation.get(prefix + key, 0.0) for key in known}
+    descriptions = describe_parts(blank_state(plant))
+    shares = {key: participation.get(prefix + key, 0.0) for key in descriptions}
     if sum(shares.values()) < 0.5:
         return _by_states(participation)
     main = max(shares, key=lambda key: shares[key])
-    if Mark.SETTLES in known[main].marks:
+    if Mark.SETTLES in descriptions[main].marks:
         return "friction on the rail" if main.startswith("rail") else f"friction within rope {main[5]}"
-    moved = displacements(shape, plant, prefix)
-    if moved.is_rigid:
+    displaced = displacements(shape, plant, prefix)
+    if displaced.is_rigid:
         speed, position = participation[prefix + "v"], participation[prefix + "x"]
         return "rigid drift: speed" if speed > position else "rigid drift: position"
     lengths = rope_lengths(x, plant.track)
     weights = [_side_masses(side, length, plant) for side, length in zip(plant.sides, lengths, strict=True)]
-    energies = [mass.energies(motion, moved.vehicle) for mass, motion in zip(weights, moved.sides, strict=True)]
-    factors = _side_factors([sum(energy.values()) for energy in energies], shares, known)
+    energies = [mass.energies(motion, displaced.vehicle) for mass, motion in zip(weights, displaced.sides, strict=True)]
+    factors = _side_factors([sum(energy.values()) for energy in energies], shares, descriptions)
     energies = [
         {kind: factor * of for kind, of in energy.items()} for factor, energy in zip(factors, energies, strict=True)
     ]
-    vehicle = inertia(plant.vehicle) * abs(moved.vehicle) ** 2
+    vehicle = inertia(plant.vehicle) * abs(displaced.vehicle) ** 2
     totals = {kind: sum(energy[kind] for energy in energies) for kind in energies[0]}
     kind = max(totals, key=lambda each: totals[each] + (vehicle if each == "drum" else 0.0))
     if kind != "drum":
-        return _by_kind(kind, [energy[kind] for energy in energies], moved)
+        return _by_kind(kind, [energy[kind] for energy in energies], displaced)
     tension = system.operating_point.get
     sides = zip(plant.sides, lengths, ("F1", "F2"), strict=True)
     springs = [side.rope.tangent(tension(name, PRELOAD / 2), length)[0] for side, length, name in sides]
     masses = [factor * (mass.drum + mass.rotor) for factor, mass in zip(factors, weights, strict=True)]
     springs = [factor * spring for factor, spring in zip(factors, springs, strict=True)]
-    return _by_energies(moved, (inertia(plant.vehicle), *masses), springs)
+    return _by_energies(displaced, (inertia(plant.vehicle), *masses), springs)
 
 
 def _side_factors(
@@ -133,11 +133,11 @@ def _side_factors(
     """
     moving = {key: share for key, share in shares.items() if Mark.SETTLES not in known[key].marks}
     sides = ((f"theta_{side}", f"omega_{side}", f"rope_{side}.", f"motor_{side}.") for side in (1, 2))
-    first, second = (sum(share for key, share in moving.items() if key.startswith(begins)) for begins in sides)
-    if not all(energies) or not first + second:
+    share_1, share_2 = (sum(share for key, share in moving.items() if key.startswith(begins)) for begins in sides)
+    if not all(energies) or not share_1 + share_2:
         return 1.0, 1.0
-    whole = sum(energies) / (first + second)
-    return whole * first / energies[0], whole * second / energies[1]
+    energy = sum(energies) / (share_1 + share_2)
+    return energy * share_1 / energies[0], energy * share_2 / energies[1]
 
 
 class SideMasses(NamedTuple):
@@ -200,8 +200,8 @@ def _by_kind(kind: str, energies: Sequence[float], moved: Shape) -> str:
     number = 1 + _sign_changes([moved.vehicle, *reversed(side.nodes), side.drum])
     if min(energies) < TAKES_PART * sum(energies):
         return one.format(stronger + 1, number)
-    first, second = (side.largest(kind) for side in moved.sides)
-    return two.format("together" if (first * second.conjugate()).real > 0 else "opposed", number)
+    motion_1, motion_2 = (side.largest(kind) for side in moved.sides)
+    return two.format("together" if (motion_1 * motion_2.conjugate()).real > 0 else "opposed", number)
 
 
 def _sign_changes(along: Sequence[complex]) -> int:
@@ -210,9 +210,9 @@ def _sign_changes(along: Sequence[complex]) -> int:
     The drum always counts: a heavy one hardly moves, but in the opposite direction to the rope next to it.
     """
     largest = max(along, key=abs)
-    shown = [(way / largest).real for way in along[:-1] if abs(way) > RIGID * abs(largest)]
-    shown.append((along[-1] / largest).real)
-    return sum(first * second < 0 for first, second in pairwise(shown))
+    relative = [(way / largest).real for way in along[:-1] if abs(way) > RIGID * abs(largest)]
+    relative.append((along[-1] / largest).real)
+    return sum(first * second < 0 for first, second in pairwise(relative))
 
 
 def plant_prefix(states: Sequence[str]) -> str | None:
@@ -247,8 +247,8 @@ def _by_energies(moved: Shape, masses: Sequence[float], springs: Sequence[float]
     """Label of a mode from the energies of bodies (masses in kg) and ropes (spring rates in N/m)."""
     rims = [side.drum for side in moved.sides]
     vehicle, *drums = _taking_part(masses, [moved.vehicle, *rims])
-    ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
-    turning = [number for number, there in enumerate(drums, start=1) if there]
+    ropes = [number for number, takes_part in enumerate(_taking_part(springs, moved.stretches), start=1) if takes_part]
+    turning = [number for number, takes_part in enumerate(drums, start=1) if takes_part]
     rope = "both ropes" if len(ropes) == 2 else f"rope {ropes[0]}"
     drum = "both drums" if len(turning) == 2 else f"drum {turning[0]}" if turning else ""
     if len(turning) == 2 and not vehicle:
@@ -265,8 +265,8 @@ def _taking_part(weights: Sequence[float], amplitudes: Sequence[complex]) -> lis
 
 
 def _by_states(participation: Mapping[str, float]) -> str:
-    first, *others = sorted(participation.items(), key=lambda item: -item[1])
-    names = [first[0], *(name for name, share in others[:2] if share > first[1] / 3)]
+    main, *minor = sorted(participation.items(), key=lambda item: -item[1])
+    names = [main[0], *(name for name, share in minor[:2] if share > main[1] / 3)]
     return ", ".join(names)
 
 
@@ -384,12 +384,12 @@ def modes(system: LinearSystem, plant: Plant | None = None) -> tuple[Mode, ...]:
     """
     instance("system", system, LinearSystem, hint=" (linearise makes one)")
     spectrum = spectra([system], plant or Plant())[0]
-    found = [
+    system_modes = [
         mode(system, spectrum, k, plant or Plant())
         for k, eigenvalue in enumerate(spectrum.eigenvalues)
         if eigenvalue.imag >= 0
     ]
-    return tuple(sorted(found, key=lambda entry: entry.natural_frequency))
+    return tuple(sorted(system_modes, key=lambda entry: entry.natural_frequency))
 
 
 def mode(system: LinearSystem, spectrum: Spectrum, k: int, plant: Plant) -> Mode:
@@ -417,9 +417,11 @@ def spectra(systems: Sequence[LinearSystem], plant: Plant) -> list[Spectrum]:
         vectors[k][:, still[k]] = _basis_of_still(
             matrices[k] - steady[k] * np.eye(len(matrices[k])), still[k].sum(), memory
         )
-    left = np.linalg.pinv(vectors, rcond=1e-300)
-    errors = eigenvalue_errors(matrices, vectors, left.astype(np.complex128))
-    return [Spectrum(*entry) for entry in zip(eigenvalues.astype(np.complex128), vectors, left, errors, strict=True)]
+    left_vectors = np.linalg.pinv(vectors, rcond=1e-300)
+    errors = eigenvalue_errors(matrices, vectors, left_vectors.astype(np.complex128))
+    return [
+        Spectrum(*entry) for entry in zip(eigenvalues.astype(np.complex128), vectors, left_vectors, errors, strict=True)
+    ]
 
 
 def _basis_of_still(A: NDArray[np.float64], count: int, memory: tuple[int, list[int]] | None) -> Complex:
@@ -436,10 +438,10 @@ def _basis_of_still(A: NDArray[np.float64], count: int, memory: tuple[int, list[
     between = np.sqrt(moving * max(sizes[count - 1], ZERO_EIGENVALUE * sizes[-1]))
     ordered: Any = schur(balanced, output="complex", sort=lambda rate: abs(rate) <= between)
     basis = ordered[1][:, :count]
-    apart = None if memory is None else _drift_apart(basis, *memory)
-    basis = scale[:, None] * (basis if apart is None else apart)
+    drift_basis = None if memory is None else _drift_apart(basis, *memory)
+    basis = scale[:, None] * (basis if drift_basis is None else drift_basis)
     basis /= np.linalg.norm(basis, axis=0)
-    if apart is not None:
+    if drift_basis is not None:
         return basis
     # later vectors of a chain may include multiples of the first: then they show the displacement of the drift
     basis[:, 1:] += basis[:, :1]
@@ -451,9 +453,11 @@ def _memory(states: Sequence[str], plant: Plant) -> tuple[int, list[int]] | None
     prefix, index = plant_prefix(states), {name: place for place, name in enumerate(states)}
     if prefix is None:
         return None
-    known = describe_parts(blank_state(plant))
+    descriptions = describe_parts(blank_state(plant))
     friction = [
-        index[prefix + key] for key, leaf in known.items() if Mark.SETTLES in leaf.marks and prefix + key in index
+        index[prefix + key]
+        for key, leaf in descriptions.items()
+        if Mark.SETTLES in leaf.marks and prefix + key in index
     ]
     return (index[prefix + "x"], friction) if friction else None
 
@@ -470,12 +474,12 @@ def _drift_apart(basis: Complex, position: int, friction: Sequence[int]) -> Comp
     """
     from scipy.linalg import qr
 
-    others = basis.shape[1] - 1
-    if others > len(friction):
+    dimension = basis.shape[1] - 1
+    if dimension > len(friction):
         return None
     factors: Any = qr(basis[friction].T, mode="r", pivoting=True)
-    chosen = sorted(friction[column] for column in factors[1][:others])
-    pivots = basis[[position, *chosen]]
+    friction_states = sorted(friction[column] for column in factors[1][:dimension])
+    pivots = basis[[position, *friction_states]]
     sizes = np.abs(pivots).max(axis=1, keepdims=True)
     if sizes.min() < ROUND_OFF or np.linalg.cond(pivots / sizes) > DISTINCT:
         return None
@@ -529,33 +533,33 @@ def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> 
     """
     from scipy.optimize import linear_sum_assignment
 
-    found = spectra(systems, plant or Plant())
-    orders = [np.arange(len(found[0].eigenvalues))]
-    known = replace(found[0], right=found[0].right.copy(), left=found[0].left.copy())
-    for spectrum in found[1:]:
-        overlap = np.abs(known.left @ spectrum.right) * np.abs(spectrum.left @ known.right).T
-        distance = np.abs(known.eigenvalues[:, None] - spectrum.eigenvalues)
-        scale = np.abs(known.eigenvalues[:, None]) + np.abs(spectrum.eigenvalues)
+    each_spectrum = spectra(systems, plant or Plant())
+    orders = [np.arange(len(each_spectrum[0].eigenvalues))]
+    tracked = replace(each_spectrum[0], right=each_spectrum[0].right.copy(), left=each_spectrum[0].left.copy())
+    for spectrum in each_spectrum[1:]:
+        overlap = np.abs(tracked.left @ spectrum.right) * np.abs(spectrum.left @ tracked.right).T
+        distance = np.abs(tracked.eigenvalues[:, None] - spectrum.eigenvalues)
+        scale = np.abs(tracked.eigenvalues[:, None]) + np.abs(spectrum.eigenvalues)
         cost = distance / np.maximum(scale, np.finfo(np.float64).tiny) - np.minimum(overlap, 1.0)
         order = linear_sum_assignment(cost)[1]
         orders.append(order)
         clear = overlap[np.arange(len(order)), order] > CLEAR
-        known = Spectrum(
+        tracked = Spectrum(
             spectrum.eigenvalues[order],
-            np.where(clear, spectrum.right[:, order], known.right),
-            np.where(clear[:, None], spectrum.left[order], known.left),
+            np.where(clear, spectrum.right[:, order], tracked.right),
+            np.where(clear[:, None], spectrum.left[order], tracked.left),
             spectrum.errors[order],
         )
     tracks = []
     for branch in np.array(orders).T:
-        values = np.array([spectrum.eigenvalues[k] for spectrum, k in zip(found, branch, strict=True)])
+        values = np.array([spectrum.eigenvalues[k] for spectrum, k in zip(each_spectrum, branch, strict=True)])
         if np.all(values.imag < 0):
             continue
-        along = tuple(
+        systems_modes = tuple(
             mode(system, spectrum, int(k), plant or Plant())
-            for system, spectrum, k in zip(systems, found, branch, strict=True)
+            for system, spectrum, k in zip(systems, each_spectrum, branch, strict=True)
         )
-        tracks.append(ModeTrack(Counter(entry.label for entry in along).most_common(1)[0][0], along))
+        tracks.append(ModeTrack(Counter(entry.label for entry in systems_modes).most_common(1)[0][0], systems_modes))
     tracks.sort(key=lambda track: track.modes[0].natural_frequency)
     labels = numbered([track.label for track in tracks])
     return tuple(replace(track, label=label) for track, label in zip(tracks, labels, strict=True))

@@ -284,11 +284,11 @@ def operating_point(
         ConfigurationError: a point off the track, a rope at its shortest length, a speed, preload or limit out of
             range.
     """
-    given = plant or Plant()
+    machine = plant or Plant()
     x = x if x is None else one_number("x", x, MANY)
     v, preload = one_number("v", v, MANY), one_number("preload", preload, MANY)
     return operating_points(
-        x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
+        x, v, preload, machine, current=current, force=force, tension_min=tension_min, tension_max=tension_max
     )[0]
 
 
@@ -308,9 +308,9 @@ def operating_points(
     Raises:
         ConfigurationError: as in `operating_point`, for the first invalid point.
     """
-    given = {"x": plant.track.length / 2 if x is None else x, "v": v, "preload": preload}
-    asked = np.broadcast_arrays(*(np.atleast_1d(number_array(name, values)) for name, values in given.items()))
-    points = np.array([np.ravel(values) for values in asked])
+    coordinates = {"x": plant.track.length / 2 if x is None else x, "v": v, "preload": preload}
+    arrays = np.broadcast_arrays(*(np.atleast_1d(number_array(name, values)) for name, values in coordinates.items()))
+    points = np.array([np.ravel(values) for values in arrays])
     force, current = one_number("force", force), one_number("current", current)
     tension_min, tension_max = one_number("tension_min", tension_min), one_number("tension_max", tension_max)
     check_range("tension_min", tension_min, 0.0, math.inf, "N")
@@ -325,9 +325,9 @@ def operating_points(
     inputs = np.vstack([points, np.repeat(outside, points.shape[1], axis=1)])
     parameters = np.repeat(np.array([list(numbers(plant).values())]).T, points.shape[1], axis=1)
     structure = plant_structure(plant)
-    found = operating_point_law(structure)(inputs, parameters).full()
-    left = _left(structure)(found[:-4], found[-4:-2], inputs[3:5], parameters).full()
-    table = np.vstack([found, left])
+    solution = operating_point_law(structure)(inputs, parameters).full()
+    residuals = _left(structure)(solution[:-4], solution[-4:-2], inputs[3:5], parameters).full()
+    table = np.vstack([solution, residuals])
     limits = (tension_min, tension_max)
     return [_point(column, inputs[:, k], plant, limits) for k, column in enumerate(table.T)]
 
@@ -349,19 +349,20 @@ def operating_point_law(structure: Plant) -> ca.Function:
 def _left(structure: Plant) -> ca.Function:
     """``state, torques, (force, current), p -> residuals``: largest acceleration and rate of a tension."""
     plant, p = symbols(structure, "p")
-    (state, x), (asked, u), w = symbols(blank_state(structure), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
-    torques = shaft_torques(asked, state, plant)
-    rates, known = leaves(derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant)), describe_parts(state)
+    (state, x), (commands, u), w = symbols(blank_state(structure), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
+    torques = shaft_torques(commands, state, plant)
+    rates = leaves(derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant))
+    descriptions = describe_parts(state)
     radii = {str(number): winch.drum_radius for number, _, winch, *_ in plant.sides}
     accelerations = [
-        rate * radii[key.partition(".")[0][-1]] if known[key].quantity.unit == "rad/s" else rate
+        rate * radii[key.partition(".")[0][-1]] if descriptions[key].quantity.unit == "rad/s" else rate
         for key, rate in rates.items()
-        if Mark.RATE in known[key].marks
+        if Mark.RATE in descriptions[key].marks
     ]
     forces = ca.vertcat(*inner_forces(state, plant).values())
     tension_rates = ca.jtimes(forces, x, ca.vertcat(*rates.values()))
-    left = [ca.norm_inf(ca.vertcat(*accelerations)), ca.norm_inf(tension_rates)]
-    return ca.Function("left", [x, u, w, p], [ca.vertcat(*left)])
+    residuals = [ca.norm_inf(ca.vertcat(*accelerations)), ca.norm_inf(tension_rates)]
+    return ca.Function("left", [x, u, w, p], [ca.vertcat(*residuals)])
 
 
 def _point(

@@ -107,8 +107,8 @@ def has_growth(A: Array, dt: float | None) -> bool:
     if not (_excess(np.linalg.eigvals(A).astype(np.complex128), dt) > 0).any():
         return False
     decomposition: Any = eig(A, left=True)
-    values, left, right = decomposition
-    errors = eigenvalue_errors(A[None], right[None], left.conj().T[None])[0]
+    values, left_vectors, right = decomposition
+    errors = eigenvalue_errors(A[None], right[None], left_vectors.conj().T[None])[0]
     return bool((_excess(values, dt) > errors).any())
 
 
@@ -169,13 +169,13 @@ def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
 
     Smaller sets come first; empty where not even all outputs suffice.
     """
-    found: list[tuple[str, ...]] = []
+    minimal_sets: list[tuple[str, ...]] = []
     for size in range(1, len(system.outputs) + 1):
-        for chosen in combinations(system.outputs, size):
-            larger = any(set(smaller) <= set(chosen) for smaller in found)
-            if not larger and is_observable(system, chosen):
-                found.append(chosen)
-    return tuple(found)
+        for outputs in combinations(system.outputs, size):
+            larger = any(set(smaller) <= set(outputs) for smaller in minimal_sets)
+            if not larger and is_observable(system, outputs):
+                minimal_sets.append(outputs)
+    return tuple(minimal_sets)
 
 
 Matrices: TypeAlias = tuple[Array, Array, Array, Array]
@@ -221,12 +221,12 @@ def _reduced(matrices: Matrices) -> Matrices:
         C, D = U.T @ C, U.T @ D
         C_fed, D_fed, C_left = C[:fed], D[:fed], C[fed:]
         _, sizes, V = np.linalg.svd(C_left)
-        seen = int(np.sum(sizes > RANK))
-        if not seen:
+        rank = int(np.sum(sizes > RANK))
+        if not rank:
             return A, B, C_fed, D_fed
         # zero outputs hold the states they observe at zero; the derivatives of these become the new outputs
-        held, free = V[:seen].T, V[seen:].T
-        C, D = np.vstack([held.T @ A @ free, C_fed @ free]), np.vstack([held.T @ B, D_fed])
+        range_basis, free = V[:rank].T, V[rank:].T
+        C, D = np.vstack([range_basis.T @ A @ free, C_fed @ free]), np.vstack([range_basis.T @ B, D_fed])
         A, B = free.T @ A @ free, free.T @ B
 
 

@@ -88,22 +88,22 @@ class LinearSystem:
         s = 1j * angular if self.dt is None else np.exp(1j * angular * self.dt)
         poles = self.poles()
         at_pole = (np.abs(s[:, None] - poles) <= ROUND_OFF * np.abs(poles).max(initial=1.0)).any(axis=1)
-        found = np.empty((len(s), *self.D.shape), np.complex128)
+        values = np.empty((len(s), *self.D.shape), np.complex128)
         regular = s[~at_pole]
         pencil = regular[:, None, None] * np.eye(len(self.states)) - self.A
-        found[~at_pole] = self.C @ np.linalg.solve(pencil, np.broadcast_to(self.B, (len(regular), *self.B.shape)))
+        values[~at_pole] = self.C @ np.linalg.solve(pencil, np.broadcast_to(self.B, (len(regular), *self.B.shape)))
         for index in np.flatnonzero(at_pole):
             for row, column in np.ndindex(self.D.shape):
-                found[index, row, column] = self._at_pole(s[index], row, column)
-        return np.asarray(found + self.D, np.complex128)
+                values[index, row, column] = self._at_pole(s[index], row, column)
+        return np.asarray(values + self.D, np.complex128)
 
     def _at_pole(self, s: complex, row: int, column: int) -> complex:
         """One element of ``C (s - A)^-1 B`` at a pole of the system, from the states between its input and output."""
         linked = np.linalg.matrix_power((self.A != 0) | np.eye(len(self.A), dtype=bool), len(self.A))
         between = (linked @ (self.B[:, column] != 0)) & ((self.C[row] != 0) @ linked)
         A, B, C = self.A[np.ix_(between, between)], self.B[between, column], self.C[row, between]
-        own = np.linalg.eigvals(A)
-        if (np.abs(s - own) <= ROUND_OFF * np.abs(own).max(initial=1.0)).any():
+        eigenvalues = np.linalg.eigvals(A)
+        if (np.abs(s - eigenvalues) <= ROUND_OFF * np.abs(eigenvalues).max(initial=1.0)).any():
             return complex(math.inf, math.nan)
         return complex(C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex)))
 
@@ -211,10 +211,10 @@ def save_sweep(
         ConfigurationError: unknown suffix.
         OSError: the file cannot be written.
     """
-    first = systems[0]
+    example = systems[0]
     matrices = {name: np.array([getattr(system, name) for system in systems]) for name in "ABCD"}
-    values = {name: [system.operating_point[name] for system in systems] for name in first.operating_point}
-    _write(path, first, matrices | {"operating_point": values}, figures)
+    values = {name: [system.operating_point[name] for system in systems] for name in example.operating_point}
+    _write(path, example, matrices | {"operating_point": values}, figures)
 
 
 def _write(
@@ -268,8 +268,8 @@ def _write_mat(path: Path, entries: dict[str, Any]) -> None:
             return np.array([*value, ""], dtype=object)[:-1, None]
         return np.moveaxis(value, 0, -1) if np.ndim(value) == 3 else value
 
-    found = {name: form(name, value) for name, value in (entries | {"dt": entries["dt"] or 0.0}).items()}
-    savemat(path, found, long_field_names=True)
+    fields_of_file = {name: form(name, value) for name, value in (entries | {"dt": entries["dt"] or 0.0}).items()}
+    savemat(path, fields_of_file, long_field_names=True)
 
 
 WRITERS: dict[str, Callable[[Path, dict[str, Any]], None]] = {

@@ -53,8 +53,8 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
 def _reference_at(experiment: Experiment, every: int) -> Floats:
     """Time, position, speed and acceleration of the reference at every `every`-th sample, (4, instants)."""
     t = np.arange(0, experiment.samples, every) * experiment.simulation.sample_time
-    wanted = setpoint(t, experiment.reference)
-    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t))], dtype=np.float64)
+    reference = setpoint(t, experiment.reference)
+    return np.array([t, reference.x, reference.v, np.broadcast_to(reference.a, len(t))], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
         DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
-    law, fill, found = compile_function(force_law()), compile_fill(find_compiler()), dict[int, ForceDemand]()
+    law, fill, demands = compile_function(force_law()), compile_fill(find_compiler()), dict[int, ForceDemand]()
 
     def demand(place: int, shared: Experiment, motion: Floats, sea: Floats) -> ForceDemand:
         scenario = scenarios[place]
@@ -101,7 +101,7 @@ def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
         shared, motion, places, runs = given
         sea = np.concatenate([piece[::every] for piece in fill.in_lanes(runs, PIECE * every, shared.samples)])
         for lane, place in enumerate(places):
-            found[place] = demand(place, shared, motion, sea[:, :, lane])
+            demands[place] = demand(place, shared, motion, sea[:, :, lane])
 
     blocks = list[tuple[Experiment, Floats, list[int], list[Signals]]]()
     for group in scenario_groups(scenarios):
@@ -109,9 +109,9 @@ def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
         motion = _reference_at(shared, every).T
         runs = exogenous_sources(shared, group.columns, len(places), names=Sea._fields)
         firsts = range(0, len(places), LANES)
-        blocks += [(shared, motion, places[first : first + LANES], runs[first : first + LANES]) for first in firsts]
+        blocks += [(shared, motion, places[start : start + LANES], runs[start : start + LANES]) for start in firsts]
     map_all(block, blocks)
-    return [found[place] for place in range(len(scenarios))]
+    return [demands[place] for place in range(len(scenarios))]
 
 
 def within_authority(scenarios: Scenarios) -> NDArray[np.bool_]:
@@ -230,17 +230,17 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int 
     """
     limit = experiment.controller.limits.strength
     outside, parameters = outside_at(experiment, every), force_parameters(experiment)
-    beyond = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
-    if not beyond.any():
+    infeasible = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
+    if not infeasible.any():
         return 0.0
     instants, step = outside.shape[1], every * experiment.simulation.sample_time
     solver = _solver(instants, step)
     numbers = ca.vertcat(ca.vec(ca.DM(outside)), parameters, limit)
-    until = 2 if anticipating else max(2, int(beyond.argmax()) + 1)  # position and speed at the start
+    until = 2 if anticipating else max(2, int(infeasible.argmax()) + 1)  # position and speed at the start
     bounds = [*[0.0] * until, *[np.inf] * (instants - until)]
     start = CENTIMETRES * saturated_motion(outside, parameters, limit, step)
-    found = solver(x0=start, p=numbers, lbx=[-bound for bound in bounds], ubx=bounds, lbg=-1.0, ubg=1.0)
-    return float(found["f"]) / CENTIMETRES**2 if solver.stats()["success"] else np.nan
+    solution = solver(x0=start, p=numbers, lbx=[-bound for bound in bounds], ubx=bounds, lbg=-1.0, ubg=1.0)
+    return float(solution["f"]) / CENTIMETRES**2 if solver.stats()["success"] else np.nan
 
 
 def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: float, rate: float = 1.0) -> Floats:
@@ -250,7 +250,7 @@ def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: fl
     available force; then all the available force is used. `outside` are reference and disturbances, (7, instants), with
     the parameters of `force_law`; instants are `step` s apart.
     """
-    law, given = force_law(), 0.999 * limit
+    law, force_limit = force_law(), 0.999 * limit
     deviation = np.zeros(outside.shape[1])
     for k in range(1, len(deviation) - 1):
         before, now = deviation[k - 1 : k + 1]
@@ -261,13 +261,15 @@ def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: fl
             return float(law(moved, parameters))
 
         after = now * (1 - rate * step)
-        asked = force(after)
-        if abs(asked) > given:
-            way, reach = np.sign(asked), step**2
-            while way * force(after - way * reach) > given:
+        demand = force(after)
+        if abs(demand) > force_limit:
+            way, reach = np.sign(demand), step**2
+            while way * force(after - way * reach) > force_limit:
                 reach *= 2
             bracket = (after - way * reach, after)
-            after = root_scalar(lambda value, way=way, force=force: way * force(value) - given, bracket=bracket).root
+            after = root_scalar(
+                lambda value, way=way, force=force: way * force(value) - force_limit, bracket=bracket
+            ).root
         deviation[k + 1] = after
     return deviation
 
@@ -323,12 +325,12 @@ def infeasible_words(count: int) -> str:
 
 def least_errors(experiments: Sequence[Experiment], progress: Progress = no_progress) -> LeastErrors:
     """Lower bounds of the errors of many runs (`least_mse`)."""
-    found = []
-    for done, experiment in enumerate(experiments, 1):
+    errors = []
+    for count, experiment in enumerate(experiments, 1):
         blind = least_mse(experiment)
-        found.append((blind, least_mse(experiment, anticipating=True) if blind != 0 else 0.0))
-        progress(done / len(experiments))
-    without, given = np.array(found, float).reshape(-1, 2).T
+        errors.append((blind, least_mse(experiment, anticipating=True) if blind != 0 else 0.0))
+        progress(count / len(experiments))
+    without, given = np.array(errors, float).reshape(-1, 2).T
     return LeastErrors(without, given)
 
 
@@ -338,12 +340,12 @@ def _solver(instants: int, step: float) -> ca.Function:
     law = force_law()
     deviation, limit = ca.SX.sym("deviation", 1, instants), ca.SX.sym("limit")
     outside, parameters = ca.SX.sym("outside", 7, instants), ca.SX.sym("parameters", law.numel_in(1))
-    moved = moved_by(outside, deviation / CENTIMETRES, step)
+    motion = moved_by(outside, deviation / CENTIMETRES, step)
     problem = {
         "x": ca.vec(deviation),
         "p": ca.vertcat(ca.vec(outside), parameters, limit),
         "f": ca.sumsqr(deviation) / instants,
-        "g": ca.vec(law(moved, parameters)) / limit,
+        "g": ca.vec(law(motion, parameters)) / limit,
     }
     quiet = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", **INTERIOR_POINT}}
     return ca.nlpsol("least_mse", "ipopt", problem, quiet)

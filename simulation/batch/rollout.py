@@ -70,11 +70,11 @@ class ParameterScenarioGrid:
         self._scenarios = scenarios
         self._groups = groups = check_batch(self.names, self.values, scenarios)
         self.shared = groups[0].experiment
-        drawn = frozenset[str]().union(*(group.drawn for group in groups))
+        drawn_keys = frozenset[str]().union(*(group.drawn for group in groups))
         there = {key for group in groups for key, column in group.columns.items() if column.any()}
         self.structure = structure_of(self.shared)
         if zeros is None:
-            zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn])
+            zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn_keys])
             zeros |= absent_signals(*(group.experiment for group in groups), varying=there)
         self.zeros = zeros
         self.loop = closed_loop(self.structure, self.zeros)
@@ -438,17 +438,17 @@ def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]
     Raises:
         ConfigurationError: even the signals of a single thread do not fit.
     """
-    wanted = threads or cores()
+    size = threads or cores()
     if hasattr(os, "sysconf"):
         room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-        given = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
+        signal_count = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
         signals = len(exogenous_names(experiment.controller))
-        sample = 8 * (signals + LANES * given)  # random signals are drawn during the run
+        sample = 8 * (signals + LANES * signal_count)  # random signals are drawn during the run
         if experiment.samples * sample > room:
             raise ConfigurationError(
                 f"simulation.duration = {experiment.duration:g}: must be <= "
                 f"{room // sample * experiment.simulation.sample_time:.6g} s in an ensemble, to keep reference and "
                 "given signals within half of the memory"
             )
-        wanted = min(wanted, room // (experiment.samples * sample))
-    return BLOCKS * LANES * wanted, wanted
+        size = min(size, room // (experiment.samples * sample))
+    return BLOCKS * LANES * size, size

@@ -91,14 +91,14 @@ def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
     Raises:
         ConfigurationError: a value of these is out of its range; the message names the scenario.
     """
-    found: list[ScenarioGroup] = []
+    groups: list[ScenarioGroup] = []
     for places in _grouped(range(len(scenarios)), map(_group_key, scenarios)):
-        first = scenarios[places[0]]
-        if isinstance(first, Experiment):
-            found.append(ScenarioGroup(np.array(places), first, None, frozenset(), {}))
+        scenario = scenarios[places[0]]
+        if isinstance(scenario, Experiment):
+            groups.append(ScenarioGroup(np.array(places), scenario, None, frozenset(), {}))
         else:
-            found += _of_draws({place: given for place in places if isinstance(given := scenarios[place], Scenario)})
-    return found
+            groups += _of_draws({place: draw for place in places if isinstance(draw := scenarios[place], Scenario)})
+    return groups
 
 
 def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
@@ -106,21 +106,23 @@ def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
 
     Which numbers are zero is equal within a group where zero leaves code out.
     """
-    place, first = next(iter(drawn.items()))
-    worded = [key for key, value in first.draws.items() if not _is_number(value)]
-    known = describe_parts(_having(first, place, worded))
-    shaping = [key for key in first.draws if key in known and Mark.SHAPES_CODE_AT_ZERO in known[key].marks]
-    patterns = (tuple(given.draws[key] != 0 for key in shaping) for given in drawn.values())
-    for alike in list(_grouped(drawn, patterns)):
-        plain = plain_numbers(_having(drawn[alike[0]], alike[0], [*worded, *shaping]))
-        columns = [key for key in first.draws if key in plain]
-        others = [key for key in first.draws if key not in plain]
-        for places in _grouped(alike, (tuple(drawn[place].draws[key] for key in others) for place in alike)):
+    place, example = next(iter(drawn.items()))
+    worded = [key for key, value in example.draws.items() if not _is_number(value)]
+    descriptions = describe_parts(_having(example, place, worded))
+    shaping = [
+        key for key in example.draws if key in descriptions and Mark.SHAPES_CODE_AT_ZERO in descriptions[key].marks
+    ]
+    patterns = (tuple(draw.draws[key] != 0 for key in shaping) for draw in drawn.values())
+    for members in list(_grouped(drawn, patterns)):
+        plain = plain_numbers(_having(drawn[members[0]], members[0], [*worded, *shaping]))
+        columns = [key for key in example.draws if key in plain]
+        shaping_keys = [key for key in example.draws if key not in plain]
+        for places in _grouped(members, (tuple(drawn[place].draws[key] for key in shaping_keys) for place in members)):
             yield ScenarioGroup(
                 members=np.array(places),
-                experiment=_having(drawn[places[0]], places[0], {*others, *shaping}),
-                nominal=first.nominal,
-                drawn=frozenset(first.draws),
+                experiment=_having(drawn[places[0]], places[0], {*shaping_keys, *shaping}),
+                nominal=example.nominal,
+                drawn=frozenset(example.draws),
                 columns={key: np.array([drawn[place].draws[key] for place in places]) for key in columns},
             )
 
@@ -163,14 +165,14 @@ def name_of(given: Experiment | Scenario, place: int) -> str:
 
 def plain_numbers(experiment: Experiment) -> frozenset[str]:
     """Keys of an experiment's numbers in which scenarios of a group may differ."""
-    others = (*GROUPS_IN_COMMON, *(f"disturbance.{name}." for name in given_signals(experiment.disturbance)))
+    prefixes = (*GROUPS_IN_COMMON, *(f"disturbance.{name}." for name in given_signals(experiment.disturbance)))
     if is_automatic(experiment):
-        others += ("plant.",)
+        prefixes += ("plant.",)
     return frozenset(
         key
         for key, leaf in describe_parts(experiment).items()
         if leaf.kind in {float, int} and not leaf.optional
-        if leaf.marks.isdisjoint(IN_COMMON) and not key.startswith(others)
+        if leaf.marks.isdisjoint(IN_COMMON) and not key.startswith(prefixes)
         if Mark.SHAPES_CODE_AT_ZERO not in leaf.marks or leaf.marks.isdisjoint(OF_SIGNALS)
     )
 
@@ -183,9 +185,9 @@ def suspect_members(group: ScenarioGroup) -> Flags:
         prepare(group.experiment)
     except ConfigurationError:  # its members may be valid nevertheless
         return np.ones(len(group.members), bool)
-    known, suspect = describe_parts(group.experiment), np.zeros(len(group.members), bool)
+    descriptions, suspect = describe_parts(group.experiment), np.zeros(len(group.members), bool)
     for key, column in group.columns.items():
-        suspect |= out_of_range(known[key], column)
+        suspect |= out_of_range(descriptions[key], column)
     if not suspect.any():
         for violated in _violations(group):
             suspect |= violated
@@ -204,8 +206,8 @@ def _violations(group: ScenarioGroup) -> Iterator[Any]:
         integrator = solver_of(group.experiment).integrator
         fastest = fastest_swing(parts.plant, integrator, group.experiment.controller.limits)
         yield ~(substeps_for(fastest, simulation, integrator) <= simulation.substeps)
-    first = starts(structure_of(group.experiment), group.vectors, group.experiment.reference.start)
-    yield ~np.isfinite(first).all(axis=1)
+    start_states = starts(structure_of(group.experiment), group.vectors, group.experiment.reference.start)
+    yield ~np.isfinite(start_states).all(axis=1)
 
 
 def violates(rule: Rule, group: Any) -> Any:
@@ -235,20 +237,20 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
     groups = scenario_groups(scenarios)
-    first = groups[0].experiment
-    structure = structure_of(first)
+    experiment = groups[0].experiment
+    structure = structure_of(experiment)
     described = structure.parameters
-    known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
+    parameters = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
-        if name not in known:
-            raise ConfigurationError(unknown("parameter", name, known))
+        if name not in parameters:
+            raise ConfigurationError(unknown("parameter", name, parameters))
     check_shape(names, values)
     columns = dict(zip(names, values.T, strict=True))
     _check_bounds(columns, described)
     scaling = [name for name in names if Mark.SCALES_DRAWS in described[name].marks]
     for group in groups:
         check_group(group, scenarios, scaling)
-        if structure_of(group.experiment) != structure or group.experiment.samples != first.samples:
+        if structure_of(group.experiment) != structure or group.experiment.samples != experiment.samples:
             place = group.members[0]
             raise ConfigurationError(f"scenarios[{place}]: must have the structure and the length of scenarios[0]")
     _check_together(columns, groups, scenarios, structure)
@@ -306,11 +308,11 @@ def _check_together(
     if whole_plant:  # ropes, drums, loads and sample time of each scenario
         suspects = [(place, range(rows)) for place in range(len(scenarios))]
     else:
-        first = {group.experiment.controller: group.members[0] for group in reversed(groups)}
-        suspects = [(place, _violating(controller, columns)) for controller, place in first.items()]
+        place_by_controller = {group.experiment.controller: group.members[0] for group in reversed(groups)}
+        suspects = [(place, _violating(controller, columns)) for controller, place in place_by_controller.items()]
     described = structure.parameters
-    for place, chosen in suspects:
-        for row in chosen:
+    for place, suspect_rows in suspects:
+        for row in suspect_rows:
             where = f"parameters[{row}]" + (f" in scenarios[{place}]" if len(scenarios) > 1 else "")
             values = {
                 name: math.floor(column[row]) if described[name].kind is int else float(column[row])
@@ -335,9 +337,9 @@ def _violating(controller: Controller, columns: Mapping[str, Floats]) -> Iterabl
 def _check_substeps(experiment: Experiment, structure: LoopStructure) -> None:
     """Check that a row's ropes need no more sub-steps than the structure has."""
     needed = solver_of(experiment).substeps
-    given = structure.substeps
-    if needed > given:
-        raise ConfigurationError(f"simulation.substeps = {given}: must be >= {needed} for ropes as stiff as these")
+    substeps = structure.substeps
+    if needed > substeps:
+        raise ConfigurationError(f"simulation.substeps = {substeps}: must be >= {needed} for ropes as stiff as these")
 
 
 def by_structure(
@@ -363,16 +365,16 @@ def by_structure(
     for shape, indices in zip(shapes, places.values(), strict=True):
         if alike and shape != shapes[0]:
             odd = sorted(shape[0].parameters.keys() ^ shapes[0][0].parameters.keys())
-            said = f"; zero or absent in one of them alone: {', '.join(odd[:4])}" if odd else ""
+            difference = f"; zero or absent in one of them alone: {', '.join(odd[:4])}" if odd else ""
             raise ConfigurationError(
                 f"scenarios[{indices[0]}]: must have the structure and the length of scenarios[0], and its sample time"
-                f"{said}"
+                f"{difference}"
             )
-    done = 0
+    finished_count = 0
     for indices in places.values() or [[]]:
 
-        def report(share: float, before: int = done, count: int = len(indices)) -> None:
+        def report(share: float, before: int = finished_count, count: int = len(indices)) -> None:
             progress((before + share * count) / len(scenarios))
 
         yield np.array(indices, np.int64), [scenarios[index] for index in indices], report
-        done += len(indices)
+        finished_count += len(indices)

@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 
 def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
     """Raise `ConfigurationError` for names without derivatives; unknown names are ignored."""
-    taken = structure_of(experiment).parameters
-    known, values = described(experiment), leaves(experiment)
+    parameters = structure_of(experiment).parameters
+    descriptions, values = described(experiment), leaves(experiment)
     for name in names:
-        if name not in known:
+        if name not in descriptions:
             continue
-        reason = _reason(known[name])
-        if not reason and name not in taken and not shaped_by(name):
+        reason = _reason(descriptions[name])
+        if not reason and name not in parameters and not shaped_by(name):
             reason = "it has no value" if values[name] is None else "it affects no run by itself"
         if reason:
             raise ConfigurationError(f"no sensitivity to '{name}': {reason}")
@@ -57,7 +57,7 @@ def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
 def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
     """Key → value of every number of an experiment with derivatives."""
     ahead = {key: value for key, value in leaves(experiment).items() if shaped_by(key)}
-    found = {}
+    numbers = {}
     for key, value in (parameters_of(experiment) | ahead).items():
         try:
             check_differentiable([key], experiment)
@@ -65,8 +65,8 @@ def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
         except ConfigurationError:
             continue
         if value or Mark.SCALES_DRAWS not in described(experiment)[key].marks:
-            found[key] = float(value)
-    return found
+            numbers[key] = float(value)
+    return numbers
 
 
 def described(experiment: Experiment) -> dict[str, Leaf]:
@@ -125,14 +125,14 @@ class TangentSeeds:
         if not names:
             raise ConfigurationError("names: must be at least one number to differentiate by")
         check_shape(self.names, self._values)
-        taken = names
+        loop_names = names
         if scenarios:
-            first = experiment_of(scenarios[0])
-            check_differentiable(names, first)
-            loop = structure_of(first).parameters
-            taken = [name for name in names if name in loop or not shaped_by(name)]
+            experiment = experiment_of(scenarios[0])
+            check_differentiable(names, experiment)
+            loop = structure_of(experiment).parameters
+            loop_names = [name for name in names if name in loop or not shaped_by(name)]
         self.pairs = ParameterScenarioGrid(
-            taken, self._values[:, [self.names.index(name) for name in taken]], scenarios, zeros
+            loop_names, self._values[:, [self.names.index(name) for name in loop_names]], scenarios, zeros
         )
         self._shaped = {name: signals for name in self.names if (signals := shaped_by(name))}
         self.signals = tuple(dict.fromkeys(signal for signals in self._shaped.values() for signal in signals))
@@ -157,8 +157,8 @@ class TangentSeeds:
         """Split into parts of some scenarios with all sets: indices of sets and of scenarios."""
         sets, count = self.pairs.shape
         size = portion_of(count, least=1)
-        for first in range(0, count, size):
-            yield np.arange(sets), np.arange(first, min(first + size, count))
+        for start in range(0, count, size):
+            yield np.arange(sets), np.arange(start, min(start + size, count))
 
     def part(
         self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
@@ -179,14 +179,14 @@ class TangentSeeds:
                 directions[self.pairs.names.index(self.names[number]), column] = 1.0
         return directions
 
-    def moved(self, i: int, j: int, chosen: range, width: int) -> Floats:
+    def tangents(self, i: int, j: int, chosen: range, width: int) -> Floats:
         """Derivatives of the signals with respect to the chosen names, (samples, signals, width)."""
-        moved = np.zeros((self.pairs.shared.samples, len(self.signals), width))
+        tangents = np.zeros((self.pairs.shared.samples, len(self.signals), width))
         for column, number in enumerate(chosen):
             for signal in self._shaped.get(self.names[number], ()):
                 slope = signal_slope(self._receiving(i, j), signal, self.names[number])
-                moved[:, self.signals.index(signal), column] = slope
-        return moved
+                tangents[:, self.signals.index(signal), column] = slope
+        return tangents
 
 
 COMPLEX_STEP = 1e-100
@@ -271,29 +271,29 @@ def sensitivities(
         >>> slopes.column_slopes["F1"].shape
         (1, 1, 1000, 1)
     """
-    asked = tuple(dict.fromkeys(columns))
+    unique_columns = tuple(dict.fromkeys(columns))
     parts = [
         (TangentSeeds(names, parameters, together), places, report)
         for places, together, report in by_structure(scenarios, progress)
     ]
-    found = _empty_result(parts[0][0], len(scenarios), asked, stride)
+    result = _empty_result(parts[0][0], len(scenarios), unique_columns, stride)
     if isinstance(workers, Executor):
         tasks = (
-            (np.ix_(sets, places[scenes]), (*seeds.part(sets, scenes), asked, stride))
+            (np.ix_(sets, places[scenes]), (*seeds.part(sets, scenes), unique_columns, stride))
             for seeds, places, _ in parts
             for sets, scenes in seeds.portions()
         )
-        return replace(found, interrupted=not fill_on_workers(workers, sensitivities_portion, tasks, found, progress))
+        return replace(result, interrupted=not fill_on_workers(workers, sensitivities_portion, tasks, result, progress))
 
     def complete(seeds: TangentSeeds, places: NDArray[np.int64], report: Progress) -> bool:
-        run = _compiled(seeds, asked)
+        run = _compiled(seeds, unique_columns)
         jobs = [
-            partial(_differentiate, run, seeds, (i, j), stride, found, (i, int(places[j])))
+            partial(_differentiate, run, seeds, (i, j), stride, result, (i, int(places[j])))
             for i, j in seeds.pairs.indices.tolist()
         ]
         return run_all(jobs, threads_of(workers), report)
 
-    return replace(found, interrupted=not all(complete(*part) for part in parts))
+    return replace(result, interrupted=not all(complete(*part) for part in parts))
 
 
 def sensitivities_portion(
@@ -306,10 +306,10 @@ def sensitivities_portion(
 ) -> Sensitivities:
     """Every set of values in some scenarios, on one thread of a worker; arguments as in `sensitivities`."""
     seeds = TangentSeeds(names, parameters, scenarios, zeros)
-    found = _empty_result(seeds, len(scenarios), columns, stride)
+    result = _empty_result(seeds, len(scenarios), columns, stride)
     for i, j in seeds.pairs.indices.tolist():
-        _differentiate(_compiled(seeds, columns), seeds, (i, j), stride, found, (i, j))
-    return found
+        _differentiate(_compiled(seeds, columns), seeds, (i, j), stride, result, (i, j))
+    return result
 
 
 def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
@@ -338,16 +338,16 @@ def _empty_result(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...],
     for column in columns:
         if column not in pairs.loop.columns:
             raise ConfigurationError(f"columns: {unknown('column', column, pairs.loop.columns)}")
-    kept = kept_rows(pairs.shared.samples, stride)
+    row_count = kept_rows(pairs.shared.samples, stride)
     none = not_run(shape, metric_quantities(pairs.structure.metrics))
     return Sensitivities(
         **vars(none),
         names=seeds.names,
         gradients={name: np.full((*shape, p), np.nan) for name in none.metrics},
-        errors=np.full((*shape, kept), np.nan),
-        slopes=np.full((*shape, kept, p), np.nan),
-        columns={name: np.full((*shape, kept), np.nan) for name in columns},
-        column_slopes={name: np.full((*shape, kept, p), np.nan) for name in columns},
+        errors=np.full((*shape, row_count), np.nan),
+        slopes=np.full((*shape, row_count, p), np.nan),
+        columns={name: np.full((*shape, row_count), np.nan) for name in columns},
+        column_slopes={name: np.full((*shape, row_count, p), np.nan) for name in columns},
         quantities={name: pairs.loop.quantities[name] for name in columns},
     )
 
@@ -376,31 +376,31 @@ def _differentiate(
     by_parameters = np.array(start_slopes(pairs.structure)(vector, pairs.beginnings[pair[1]]))[:, pairs.columns]
     numbers = dict(zip(loop.parameters, vector.tolist(), strict=True))
     reference = _reference_position(outside, loop.exogenous, numbers)
-    own = pairs.experiment(pair[1]).metrics
+    metrics_here = pairs.experiment(pair[1]).metrics
 
-    for first in range(0, len(seeds.names), width):
-        chosen = range(first, min(first + width, len(seeds.names)))
-        among, count, directions = slice(chosen.start, chosen.stop), len(chosen), seeds.directions(chosen, width)
+    for begin in range(0, len(seeds.names), width):
+        batch = range(begin, min(begin + width, len(seeds.names)))
+        among, count, directions = slice(batch.start, batch.stop), len(batch), seeds.directions(batch, width)
         state, tangent = start.copy(), np.ascontiguousarray(by_parameters @ directions)
         into = result.slopes[at] if count == width == len(seeds.names) else None
-        kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width), into)
-        completed, rows = kept.outcome == Outcome.COMPLETED, len(kept.first)
+        outputs = run(vector, directions, outside, state, tangent, stride, seeds.tangents(*pair, batch, width), into)
+        completed, rows = outputs.outcome == Outcome.COMPLETED, len(outputs.first)
         samples = slice(0, rows * max(stride, 1), max(stride, 1))
-        result.outcomes[at] = WORDS[kept.outcome]
-        result.end_times[at] = kept.done * pairs.shared.simulation.sample_time
-        result.errors[at][:rows] = kept.first - reference[samples]
+        result.outcomes[at] = WORDS[outputs.outcome]
+        result.end_times[at] = outputs.done * pairs.shared.simulation.sample_time
+        result.errors[at][:rows] = outputs.first - reference[samples]
         if into is None:
-            result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
-        for number in chosen:
+            result.slopes[at][:rows, among] = outputs.first_tangents[:, :count]
+        for number in batch:
             if (name := seeds.names[number]) in FRAME:
                 stepped = numbers | {name: numbers[name] + 1j * COMPLEX_STEP}
-                moved = _reference_position(outside, loop.exogenous, stepped)
-                result.slopes[at][:rows, number] -= np.imag(moved)[samples] / COMPLEX_STEP
+                shifted_reference = _reference_position(outside, loop.exogenous, stepped)
+                result.slopes[at][:rows, number] -= np.imag(shifted_reference)[samples] / COMPLEX_STEP
         for number, name in enumerate(result.columns):
-            result.columns[name][at][:rows] = kept.rows[:, number]
-            result.column_slopes[name][at][:rows, among] = kept.row_tangents[:, number, :count]
-        metrics = metrics_of(dict(zip(loop.states, state.tolist(), strict=True)), completed=completed, own=own)
-        gradients = _gradients(loop.states, state, tangent, own, completed=completed)
+            result.columns[name][at][:rows] = outputs.rows[:, number]
+            result.column_slopes[name][at][:rows, among] = outputs.row_tangents[:, number, :count]
+        metrics = metrics_of(dict(zip(loop.states, state.tolist(), strict=True)), completed=completed, own=metrics_here)
+        gradients = _gradients(loop.states, state, tangent, metrics_here, completed=completed)
         for name, table in result.metrics.items():
             table[at] = metrics[name]
             result.gradients[name][at][among] = gradients[name][:count]
@@ -410,9 +410,9 @@ def _reference_position(outside: Floats, names: Sequence[str], numbers: Mapping[
     """Reference position at every sample, (samples,): in the frame of the track, at the sample's true time."""
     columns = dict(zip(names, outside.T, strict=True))
     jitter, bias = (numbers[name] for name in FRAME)
-    late = jitter * np.append(0.0, columns[LATENESS][:-1])
-    asked = Setpoint(*(columns[f"reference.{name}"] for name in ("x", "v", "a")))
-    return asked.ahead(late).x - bias
+    delay = jitter * np.append(0.0, columns[LATENESS][:-1])
+    point = Setpoint(*(columns[f"reference.{name}"] for name in ("x", "v", "a")))
+    return point.ahead(delay).x - bias
 
 
 def _gradients(
@@ -422,10 +422,10 @@ def _gradients(
 
     Users' metrics need not accept complex numbers: they are differentiated by finite differences in the final state.
     """
-    moved = np.empty(tangents.shape, complex)
-    moved.real, moved.imag = final[:, np.newaxis], COMPLEX_STEP * tangents
+    perturbed_state = np.empty(tangents.shape, complex)
+    perturbed_state.real, perturbed_state.imag = final[:, np.newaxis], COMPLEX_STEP * tangents
     with np.errstate(invalid="ignore"):  # diverged runs
-        metrics = metrics_of(dict(zip(names, moved, strict=True)), completed=completed)
+        metrics = metrics_of(dict(zip(names, perturbed_state, strict=True)), completed=completed)
     built_in = {
         name: np.where(np.isnan(np.real(value)), np.nan, np.imag(value) / COMPLEX_STEP)
         for name, value in vars(metrics).items()

@@ -54,9 +54,9 @@ def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, prog
     pool = ThreadPoolExecutor(threads or cores())
     futures = [pool.submit(copy_context().run, job) for job in jobs]
     try:
-        for done, future in enumerate(as_completed(futures), 1):
+        for count, future in enumerate(as_completed(futures), 1):
             future.result()
-            progress(done / len(jobs))
+            progress(count / len(jobs))
     except KeyboardInterrupt:
         return False
     finally:

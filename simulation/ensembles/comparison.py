@@ -123,13 +123,13 @@ class Comparison:
     def __repr__(self) -> str:
         """A line for each controller."""
         lines = [f"Comparison in {len(self)} scenarios of '{self.ensemble.name}', seed {self.seed}:"]
-        first = next(iter(self.contenders))
+        reference = next(iter(self.contenders))
         for name, contender in self.contenders.items():
             names = ("mean.mse", "mean.chatter", "worst.peak_tension")
             mse, chatter, peak = (contender.statistic(statistic) for statistic in names)
             words = f"mean MSE {mse:.3g} m², chatter {chatter:.3g} N, largest tension {peak:.0f} N"
-            if name != first:
-                words += f"; {self.paired(name)['mse'].ratio_of_means.estimate:.3g} times the MSE of {first}"
+            if name != reference:
+                words += f"; {self.paired(name)['mse'].ratio_of_means.estimate:.3g} times the MSE of {reference}"
             lines.append(f"  {name}: {words}")
         return "\n".join(lines)
 
@@ -170,10 +170,10 @@ class Comparison:
         figures.append(self.statistics_table(labels))
         bounds = self.least_errors
         if bounds.infeasible:
-            least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
+            causal_bound, foresight_bound = (measured(1e6 * value, ".3g") for value in bounds.means)
             words = (
-                f"{infeasible_words(bounds.infeasible)}. Lower bound on the mean MSE of all: {least} mm² for a "
-                f"non-anticipating optimal controller, {foreseeing} mm² with full foresight."
+                f"{infeasible_words(bounds.infeasible)}. Lower bound on the mean MSE of all: {causal_bound} mm² for a "
+                f"non-anticipating optimal controller, {foresight_bound} mm² with full foresight."
             )
             figures.append(Sentence(words))
         if bounds.unknown:
@@ -184,29 +184,31 @@ class Comparison:
         return [*figures, *self._ratios(labels)]
 
     def _ratios(self, labels: Mapping[str, str]) -> Figures:
-        first, *others = self.contenders
-        if not others:
+        reference, *rivals = self.contenders
+        if not rivals:
             return []
-        pairs = {name: self.paired(name) for name in others}
-        columns, rows = [FigureColumn("name", "")], [[labels[name]] for name in others]
-        for metric in pairs[others[0]]:
+        pairs = {name: self.paired(name) for name in rivals}
+        columns, rows = [FigureColumn("name", "")], [[labels[name]] for name in rivals]
+        for metric in pairs[rivals[0]]:
             columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
             columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="%"))
             for row, pair in zip(rows, pairs.values(), strict=True):
                 row += [str(pair[metric].ratio_of_means), pair[metric].better]
-        sentence = f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:"
+        sentence = f"Means over those of {reference}, with {100 * CONFIDENCE:g} % intervals:"
         return [Sentence(sentence), FigureTable("ratios", columns, rows, layout="columns")]
 
     def to_record(self) -> dict[str, Any]:
         """The comparison as plain data."""
-        first, bounds = next(iter(self.contenders)), self.least_errors
-        least, foreseeing = bounds.means
+        reference, bounds = next(iter(self.contenders)), self.least_errors
+        causal_bound, foresight_bound = bounds.means
         files = [
             {
                 "name": name,
                 **contender.summary(),
                 "mean_mse_within_authority": self.mean_mse_within_authority(name),
-                "over_first": {} if name == first else {key: asdict(pair) for key, pair in self.paired(name).items()},
+                "over_first": {}
+                if name == reference
+                else {key: asdict(pair) for key, pair in self.paired(name).items()},
                 "controller": {key: value for key, value in leaves(contender.controller).items() if value is not None},
             }
             for name, contender in self.contenders.items()
@@ -220,8 +222,8 @@ class Comparison:
             "beyond_authority": {
                 "scenarios": bounds.infeasible,
                 "without_bound": bounds.unknown,
-                "lower_bound_mean_mse": least,
-                "lower_bound_mean_mse_with_foresight": foreseeing,
+                "lower_bound_mean_mse": causal_bound,
+                "lower_bound_mean_mse_with_foresight": foresight_bound,
             },
             "units": self.statistics_table().to_record()["units"] | {"lower_bound_mean_mse": "m^2", "over_first": "1"},
             "files": files,
@@ -248,9 +250,9 @@ class Comparison:
     def find_least_errors(self, progress: Progress = no_progress) -> LeastErrors:
         """Find `least_errors`, which may take minutes where many scenarios are infeasible."""
         scenarios = self.ensemble.scenarios(len(self), self.seed)
-        found = least_errors([scenario.experiment for scenario in scenarios], progress)
-        vars(self)["least_errors"] = found
-        return found
+        bounds = least_errors([scenario.experiment for scenario in scenarios], progress)
+        vars(self)["least_errors"] = bounds
+        return bounds
 
     def mean_mse_within_authority(self, name: str) -> float:
         """Mean of a controller's MSE in m² over the completed scenarios within the actuators' authority.
@@ -267,11 +269,11 @@ class Comparison:
         Returns:
             Name of `COMPARED` or of a user's metric → ratios; NaN if no scenario was completed by both.
         """
-        first, other = self.first, self.contenders[name]
-        both = first.completed & other.completed
+        reference, other = self.first, self.contenders[name]
+        both = reference.completed & other.completed
         return {
-            metric: paired_ratio(other.metrics[metric][both], first.metrics[metric][both], self.seed)
-            for metric in (*COMPARED, *first.own)
+            metric: paired_ratio(other.metrics[metric][both], reference.metrics[metric][both], self.seed)
+            for metric in (*COMPARED, *reference.own)
         }
 
 
@@ -291,7 +293,7 @@ def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
         estimate = float(statistic(values, references))
         if count == 1:
             return Interval(estimate, estimate, estimate)
-        found = bootstrap(
+        resampled = bootstrap(
             (values, references),
             statistic,
             n_resamples=RESAMPLES,
@@ -301,7 +303,7 @@ def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
             method="percentile",
             rng=np.random.default_rng(seed),
         ).confidence_interval
-        return Interval(estimate, float(found.low), float(found.high))
+        return Interval(estimate, float(resampled.low), float(resampled.high))
 
     with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # ratios that are all NaN
@@ -360,8 +362,8 @@ def compare(
         raise ConfigurationError(f"controllers: must be names and controllers, not {type(controllers).__name__}")
     if not controllers:
         raise ConfigurationError("controllers: must be at least one")
-    drawn = [_with_controller(ensemble, name, controller) for name, controller in controllers.items()]
-    results = run_side_by_side(drawn, scenarios, seed, workers=workers, progress=progress)
+    ensembles = [_with_controller(ensemble, name, controller) for name, controller in controllers.items()]
+    results = run_side_by_side(ensembles, scenarios, seed, workers=workers, progress=progress)
     return Comparison(ensemble, dict(zip(controllers, results, strict=True)))
 
 
@@ -392,11 +394,11 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> "Figure":
     Panels: error, chatter, ratios.
     """
     styles = looks(result.contenders, CONTROLLER_COLOURS)
-    others = list(result.contenders)[1:]
-    ratios_height = 0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0.0
+    rivals = list(result.contenders)[1:]
+    ratios_height = 0.5 + len(COMPARED) * (0.12 + 0.13 * len(rivals)) if rivals else 0.0
     words = f"{len(result)} scenarios of “{plain(result.ensemble.name)}”, seed {result.seed}, the same for all"
     rows, layout = [[*PANELS]], {}
-    if others:
+    if rivals:
         rows, layout = [[*PANELS], ["ratios"] * len(PANELS)], {"height_ratios": (2.2, ratios_height)}
     with new_page(ax, 3.0 + ratios_height, "Controllers in the same scenarios", words) as page:
         panels = page.mosaic(rows, **layout)
@@ -416,9 +418,9 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> "Figure":
 
 
 def _ratios(axes: "Axes", result: Comparison, styles: Mapping[str, dict[str, Any]]) -> None:
-    first, *others = result.contenders
-    for index, name in enumerate(others):
-        offset, colour = 0.6 * (index + 0.5) / len(others) - 0.3, styles[name]["color"]
+    reference, *rivals = result.contenders
+    for index, name in enumerate(rivals):
+        offset, colour = 0.6 * (index + 0.5) / len(rivals) - 0.3, styles[name]["color"]
         for row, pair in enumerate(result.paired(name).values()):
             ratio = pair.ratio_of_means
             axes.plot((ratio.low, ratio.high), (row + offset,) * 2, color=colour, linewidth=2.2, alpha=0.55)
@@ -428,6 +430,6 @@ def _ratios(axes: "Axes", result: Comparison, styles: Mapping[str, dict[str, Any
     axes.set_yticks(range(len(COMPARED)), [name.replace("_", " ") for name in COMPARED])
     axes.set(
         ylim=(len(COMPARED) - 0.5, -0.5),
-        xlabel=f"over {plain(first)}; smaller is better",
+        xlabel=f"over {plain(reference)}; smaller is better",
         title=f"ratio of means with {100 * CONFIDENCE:g} % interval",
     )

@@ -169,8 +169,8 @@ class Drawn:
 
     def value(self, share: float, nominal: Value) -> Value:
         """The value at a quantile; `nominal` is the nominal value for relative draws."""
-        drawn = self.distribution.quantile(share)
-        return _scaled(drawn, nominal) if self.relative else drawn
+        quantile = self.distribution.quantile(share)
+        return _scaled(quantile, nominal) if self.relative else quantile
 
     def ends(self, nominal: Value) -> tuple[Value, ...]:
         """The values to check so that every draw is allowed."""
@@ -200,12 +200,12 @@ class Ensemble:
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` if a drawn key is no value of the experiment, or has no distribution."""
         nominal = leaves(self.experiment)
-        for key, drawn in self.distributions.items():
-            if not isinstance(drawn, Drawn):
-                raise ConfigurationError(f"{key}: must be Drawn(distribution), not {type(drawn).__name__}")
+        for key, distribution in self.distributions.items():
+            if not isinstance(distribution, Drawn):
+                raise ConfigurationError(f"{key}: must be Drawn(distribution), not {type(distribution).__name__}")
             if key not in nominal:
                 raise ConfigurationError(f"{key}: is drawn, and no key of this experiment; {suggestion(key, nominal)}")
-            if drawn.relative and not isinstance(nominal[key], (int, float)):
+            if distribution.relative and not isinstance(nominal[key], (int, float)):
                 raise ConfigurationError(f"{key}: has no nominal value of its own that a draw could be a factor on")
 
     @property
@@ -234,9 +234,10 @@ class Ensemble:
         """
         if max(indices, default=0) > LARGEST_WORD:
             raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {LARGEST_WORD}")
-        drawn = self._drawn
+        distributions = self._drawn
         names = [
-            key if of is None or of.together is None else f"together: {of.together}" for key, (of, _) in drawn.items()
+            key if of is None or of.together is None else f"together: {of.together}"
+            for key, (of, _) in distributions.items()
         ]
         words = named_words(seed, indices, names).T.tolist()
         plant = self.experiment.plant
@@ -254,14 +255,14 @@ class Ensemble:
     def _values(self, words: Sequence[int], *, vertex: bool) -> dict[str, Value]:
         """The values for random words, whole numbers of `DIGITS` bits."""
         draws: dict[str, Value] = {}
-        for (key, (drawn, nominal)), word in zip(self._drawn.items(), words, strict=True):
-            if drawn is None:
+        for (key, (distribution, nominal)), word in zip(self._drawn.items(), words, strict=True):
+            if distribution is None:
                 draws[key] = word
             else:
                 share = word * 2.0**-DIGITS
                 if vertex:
                     share = VERTEX if share < 0.5 else 1 - VERTEX
-                draws[key] = drawn.value(share, nominal)
+                draws[key] = distribution.value(share, nominal)
         return draws
 
     def controlled_as(self, experiment: Experiment) -> "Ensemble":
@@ -272,5 +273,5 @@ class Ensemble:
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """Draw the first `count` scenarios one by one."""
-        for first in range(0, count, AT_ONCE):
-            yield from self.chosen(range(first, min(first + AT_ONCE, count)), seed)
+        for start in range(0, count, AT_ONCE):
+            yield from self.chosen(range(start, min(start + AT_ONCE, count)), seed)

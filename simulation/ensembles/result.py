@@ -113,9 +113,9 @@ def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
     if kind not in STATISTIC_KINDS:
         raise ConfigurationError(f"'{text.strip()}': {unknown('statistic', kind, STATISTIC_KINDS)}")
     parts = {part.table(): part for part in own}
-    known = (*BUILT_IN, *parts)
-    if metric not in known:
-        raise ConfigurationError(f"'{text.strip()}': {unknown('metric', metric, known)}")
+    names = (*BUILT_IN, *parts)
+    if metric not in names:
+        raise ConfigurationError(f"'{text.strip()}': {unknown('metric', metric, names)}")
     return Statistic(kind, metric, parts.get(metric))
 
 
@@ -178,14 +178,14 @@ class EnsembleResult(RunOutcomes):
 
     def __repr__(self) -> str:
         ends = ", ".join(f"{count} {word}" for word, count in self.outcome_counts.items())
-        shown = []
+        texts = []
         for name in ("mean.mse", "worst.max_abs_error", "worst.peak_tension"):
             statistic = statistic_from(name)
             value = statistic.quantity.text(self.statistic(name))
-            shown.append(f"{name} = {value} {statistic.quantity.shown_unit}")
-        asked = f"{len(self)} of {self.asked}" if self.partial else str(len(self))
-        about = f"{self.ensemble.name}: {asked} scenarios of seed {self.seed}"
-        return f"{type(self).__name__}({'; '.join([about, ends, ', '.join(shown)])})"
+            texts.append(f"{name} = {value} {statistic.quantity.shown_unit}")
+        count_text = f"{len(self)} of {self.asked}" if self.partial else str(len(self))
+        about = f"{self.ensemble.name}: {count_text} scenarios of seed {self.seed}"
+        return f"{type(self).__name__}({'; '.join([about, ends, ', '.join(texts)])})"
 
     @property
     def partial(self) -> bool:
@@ -277,8 +277,12 @@ def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> "Figure":
         zero_line(error)
         error.set(ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})", title="tracking error")
         rms = np.sqrt(result.statistic("mean.mse")) / unit
-        median, most, worst = (result.statistic(f"{kind}.max_abs_error") / unit for kind in ("median", "p95", "worst"))
-        words = f"RMS {rms:.3g} {name} · largest |e|: median {median:.3g}, 95 % {most:.3g}, worst {worst:.3g} {name}"
+        median, percentile, worst = (
+            result.statistic(f"{kind}.max_abs_error") / unit for kind in ("median", "p95", "worst")
+        )
+        words = (
+            f"RMS {rms:.3g} {name} · largest |e|: median {median:.3g}, 95 % {percentile:.3g}, worst {worst:.3g} {name}"
+        )
         aside(error, words)
         for rope, axes in enumerate(ropes, start=1):
             _fan(axes, result.traces, f"F{rope}", KILO, colour)
@@ -295,10 +299,10 @@ def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> "Figure":
 
 def _headings(result: EnsembleResult) -> tuple[str, str]:
     counts = result.outcome_counts
-    others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
+    incomplete = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
     title = f"{plain(law_label(result.ensemble.experiment))} in the ensemble “{plain(result.ensemble.name)}”"
     words = f"{counts.get('completed', 0)} scenarios, seed {result.seed}"
-    return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
+    return title, words + (f"; not drawn: {', '.join(incomplete)}" if incomplete else "; every one ran to its end")
 
 
 def _fan(axes: "Axes", traces: Traces, column: str, unit: float, colour: str) -> None:
@@ -318,11 +322,11 @@ def _fan(axes: "Axes", traces: Traces, column: str, unit: float, colour: str) ->
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
     """Content of a result file: per scenario number, drawn values, outcome, end, figures of merit; seed, statistics."""
     experiment = result.ensemble.experiment
-    drawn = {**known_keys(), **describe_parts(experiment)}
+    descriptions = {**known_keys(), **describe_parts(experiment)}
     merits = metric_quantities(experiment.metrics)
     columns: dict[str, tuple[NDArray[Any], Quantity]] = {
         "scenario": (np.arange(len(result)), Quantity("", "number of the scenario")),
-        **{key: (values, drawn[key].quantity) for key, values in result.draws.items()},
+        **{key: (values, descriptions[key].quantity) for key, values in result.draws.items()},
         "outcome": (result.outcomes, Quantity("", "how the run ended")),
         "end_time": (result.end_times, Quantity("s", "time at which the run ended")),
         **{name: (values, merits[name]) for name, values in result.metrics.items()},
@@ -341,8 +345,8 @@ def facts_of(result: Any, notes: Mapping[str, str]) -> dict[str, Any]:
         "statistics": result.statistics,
         "experiment": leaves(result.ensemble.experiment),
         "distributions": {
-            key: {"kind": drawn.distribution.kind, **asdict(drawn)}
-            for key, drawn in result.ensemble.distributions.items()
+            key: {"kind": distribution.distribution.kind, **asdict(distribution)}
+            for key, distribution in result.ensemble.distributions.items()
         },
     }
 

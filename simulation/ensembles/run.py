@@ -87,7 +87,7 @@ def run_side_by_side(
     try:
         for portion in portions_of(ensembles, scenarios, seed, points, workers, progress, whole):
             portions.append(replace(portion, traces=()))
-            traces = [_merged(before, more) for before, more in zip(traces, portion.traces, strict=True)]
+            traces = [_merged(before, addition) for before, addition in zip(traces, portion.traces, strict=True)]
     except KeyboardInterrupt:
         if not portions:
             raise
@@ -144,9 +144,9 @@ def portions_of(
     stride = -(-ensembles[0].experiment.samples // points) if points else 0
     if isinstance(workers, Executor):
         size = portion_of(scenarios)
-        chosen = [range(first, min(first + size, scenarios)) for first in range(0, scenarios, size)]
-        tasks = ((ensembles, indices, seed, stride, reduced) for indices in chosen)
-        for indices, portion in zip(chosen, in_order(spread(workers, ensemble_portion, tasks)), strict=True):
+        portions = [range(start, min(start + size, scenarios)) for start in range(0, scenarios, size)]
+        tasks = ((ensembles, indices, seed, stride, reduced) for indices in portions)
+        for indices, portion in zip(portions, in_order(spread(workers, ensemble_portion, tasks)), strict=True):
             yield portion
             progress(indices.stop / scenarios)
         return
@@ -177,8 +177,8 @@ def ensemble_portion(
     reduced: Callable[[EnsemblePortion], Reduced],
 ) -> Reduced:
     """Draw scenarios by index and run them with every ensemble, on one thread of a worker."""
-    drawn = [ensemble.chosen(indices, seed) for ensemble in ensembles]
-    return reduced(_portion(drawn[0], _run_portion(drawn, stride, 1, no_progress)))
+    scenarios_of_ensembles = [ensemble.chosen(indices, seed) for ensemble in ensembles]
+    return reduced(_portion(scenarios_of_ensembles[0], _run_portion(scenarios_of_ensembles, stride, 1, no_progress)))
 
 
 def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> EnsemblePortion:
@@ -196,9 +196,9 @@ def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> Ensem
 def _run_portion(portion: Sequence[list[Scenario]], stride: int, threads: int, progress: Progress) -> list[BatchResult]:
     """Run a portion with every ensemble, up to the first interrupted run."""
     ran: list[BatchResult] = []
-    for number, chosen in enumerate(portion):
+    for number, scenarios in enumerate(portion):
         report = part(progress, number / len(portion), (number + 1) / len(portion))
-        ran.append(rollout([], np.empty((1, 0)), chosen, stride=stride, workers=threads, progress=report))
+        ran.append(rollout([], np.empty((1, 0)), scenarios, stride=stride, workers=threads, progress=report))
         if ran[-1].interrupted:
             break
     return ran

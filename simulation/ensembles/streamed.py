@@ -69,9 +69,9 @@ class ValueStream:
         self.count += len(values)
         self.lowest, self.highest = min(self.lowest, float(values.min())), max(self.highest, float(values.max()))
         significands, exponents = np.frexp(values)
-        whole = np.ldexp(significands, BITS).astype(np.int64)
+        integers = np.ldexp(significands, BITS).astype(np.int64)
         for exponent in np.unique(exponents).tolist():
-            self.sums[exponent] += sum(whole[exponents == exponent].tolist())
+            self.sums[exponent] += sum(integers[exponents == exponent].tolist())
         with np.errstate(divide="ignore"):
             numbers = np.ceil(np.log(np.abs(values)) / math.log(self._base))
         numbers = np.where(values == 0, 0, np.sign(values) * (ZERO_BIN + np.where(values == 0, 0, numbers)))
@@ -96,8 +96,8 @@ class ValueStream:
         rank, numbers = share * (self.count - 1), sorted(self.bins)
         upto = np.cumsum([self.bins[number] for number in numbers])
         below, above = (
-            self._centre(numbers[np.searchsorted(upto, whole, side="right")])
-            for whole in (math.floor(rank), math.ceil(rank))
+            self._centre(numbers[np.searchsorted(upto, bracket, side="right")])
+            for bracket in (math.floor(rank), math.ceil(rank))
         )
         return below + (above - below) * (rank % 1)
 
@@ -230,14 +230,14 @@ def ensemble_statistics(
     if not 0 < accuracy < 1:
         raise ConfigurationError(f"accuracy = {accuracy:g}: must be > 0 and < 1")
     check_counts([ensemble], scenarios, seed)
-    found = _none(ensemble, seed, scenarios, accuracy)
+    result = _none(ensemble, seed, scenarios, accuracy)
     statistics = partial(portion_statistics, ensemble, seed, accuracy)
     with suppress(KeyboardInterrupt):
         for portion in portions_of([ensemble], scenarios, seed, 0, workers, progress, statistics):
-            found.merge(portion)
-    if not len(found):
+            result.merge(portion)
+    if not len(result):
         raise KeyboardInterrupt
-    return found
+    return result
 
 
 def _none(ensemble: Ensemble, seed: int, asked: int, accuracy: float) -> EnsembleStatistics:
@@ -248,8 +248,8 @@ def _none(ensemble: Ensemble, seed: int, asked: int, accuracy: float) -> Ensembl
 def portion_statistics(ensemble: Ensemble, seed: int, accuracy: float, portion: EnsemblePortion) -> EnsembleStatistics:
     """The statistics of a portion of an ensemble's scenarios."""
     (runs,) = portion.runs
-    found = _none(ensemble, seed, len(runs.outcomes), accuracy)
-    found.outcomes.update(runs.outcomes.tolist())
-    for name, stream in found.metrics.items():
+    statistics = _none(ensemble, seed, len(runs.outcomes), accuracy)
+    statistics.outcomes.update(runs.outcomes.tolist())
+    for name, stream in statistics.metrics.items():
         stream.add(runs.of_completed(name))
-    return found
+    return statistics

@@ -65,8 +65,8 @@ def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequen
     counts = np.array(numbers, np.uint64)
     streams = np.array([stream_number(name) for name in names], np.uint64)[:, np.newaxis]
     counter = counts & low, counts >> half, streams & low, streams >> half
-    first, second, *_ = philox(counter, (keys & low, keys >> half))
-    return (first << half | second) >> np.uint64(64 - DIGITS)
+    word_1, word_2, *_ = philox(counter, (keys & low, keys >> half))
+    return (word_1 << half | word_2) >> np.uint64(64 - DIGITS)
 
 
 def named_seed(seed: int, name: str) -> int:
@@ -140,22 +140,22 @@ def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] =
     sensors = with_leaves(experiment.sensors, columns, "sensors.")
     sea = with_leaves(experiment.disturbance, columns, "disturbance.")
     vehicle = with_leaves(experiment.plant.vehicle, columns, "plant.vehicle.")
-    found: dict[str, Drawn] = {}
+    signals: dict[str, Drawn] = {}
     for name, signal in gauss_markov_signals(sensors, sea, vehicle).items():
         if np.any(signal.sigma > 0):
             decay = _decay(simulation.sample_time, signal.time)
             number, sigma = stream_number(name), signal.sigma
-            found[name] = RandomSignal(simulation.seed, number, sigma, decay, signal.limit, signal.from_zero)
+            signals[name] = RandomSignal(simulation.seed, number, sigma, decay, signal.limit, signal.from_zero)
     seed, sample_time = simulation.seed, simulation.sample_time
     if simulation.jitter > 0:
-        found["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))
+        signals["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))
     if silence_of(sensors):
         period, length = (
             np.clip(np.rint(np.divide(time, sample_time)), 1, MOST_SAMPLES).astype(np.int64)
             for time in (sensors.outage_period, sensors.outage_length)
         )
-        found["noise.silent"] = OutageSignal(seed, stream_number("noise.silent"), period, length)
-    return found
+        signals["noise.silent"] = OutageSignal(seed, stream_number("noise.silent"), period, length)
+    return signals
 
 
 def _decay(sample_time: float, time: Any) -> Any:
@@ -174,34 +174,34 @@ def _reference(
     Cached, as the scenarios of an ensemble share them.
     """
     t, half = np.arange(start, start + n) * sample_time, sample_time / 2
-    wanted = setpoint(t, reference)
-    found = {
-        "reference.x": wanted.x,
-        "reference.v": wanted.v,
-        "reference.a": wanted.a,
+    point = setpoint(t, reference)
+    columns = {
+        "reference.x": point.x,
+        "reference.v": point.v,
+        "reference.a": point.a,
         "steady": (t >= window[0] - half) & (t <= window[1] + half),
     }
     if times:
         ahead = vars(departures(t, times, reference)).values()
-        found |= zip(
+        columns |= zip(
             leaves(no_departures(times), "ahead."), (each for of_times in ahead for each in of_times), strict=True
         )
-    return {name: np.broadcast_to(values, n).astype(float) for name, values in found.items()}
+    return {name: np.broadcast_to(values, n).astype(float) for name, values in columns.items()}
 
 
 def _given(experiment: Experiment, names: Sequence[str], start: int, n: int) -> list[Floats | None]:
     """Given signals by name in `n` samples from the sample `start` on; None for signals that are not given."""
-    sample_time, given = experiment.simulation.sample_time, {}
+    sample_time, columns = experiment.simulation.sample_time, {}
     if "steady" in names:
         window, times = experiment.steady_window, experiment.controller.preview
-        given |= _reference(experiment.reference, window, times, sample_time, start, n)
+        columns |= _reference(experiment.reference, window, times, sample_time, start, n)
     t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
-    given |= {
+    columns |= {
         name: signal.sampled(t, unit)
         for name, (signal, unit) in given_signals(experiment.disturbance).items()
         if signal.given
     }
-    return [given.get(name) for name in names]
+    return [columns.get(name) for name in names]
 
 
 def exogenous_pieces(
@@ -243,8 +243,8 @@ def exogenous_sources(
     random = random_signals(experiment)
     signals = Signals([random.get(name) for name in names])
     signals.give(_given(experiment, names, 0, experiment.samples + further), 0)
-    drawn = random_signals(experiment, columns)
-    return signals.of_many([drawn.get(name) for name in names], count)
+    random_parts = random_signals(experiment, columns)
+    return signals.of_many([random_parts.get(name) for name in names], count)
 
 
 def exogenous_signals(experiment: Experiment) -> Floats:
@@ -268,18 +268,18 @@ def sea_signals(experiment: Experiment) -> Sea:
 
 def shaped_by(key: str) -> tuple[str, ...]:
     """Names of the signals that a number shapes, as scale, standard deviation, correlation time or limit."""
-    given = (name for name in given_signals(Disturbance()) if key == _scale(name))
-    return (*given, *(name for name, shaping in _signal_slopes() if shaping == key))
+    scales = (name for name in given_signals(Disturbance()) if key == _scale(name))
+    return (*scales, *(name for name, shaping in _signal_slopes() if shaping == key))
 
 
 def check_shaped(experiment: Experiment, key: str) -> None:
     """Raise `ConfigurationError` for a number that scales a signal absent from an experiment."""
-    given, drawn = given_signals(experiment.disturbance), random_signals(experiment)
+    recordings, random = given_signals(experiment.disturbance), random_signals(experiment)
     for name in shaped_by(key):
         if key == _scale(name):
-            if not given[name][0].given:
+            if not recordings[name][0].given:
                 raise ConfigurationError(f"{key}: must scale a signal that is given")
-        elif name not in drawn and _signal_slope(experiment, name, key)[0]:
+        elif name not in random and _signal_slope(experiment, name, key)[0]:
             raise ConfigurationError(f"{key} = 0: must be > 0 where it varies (without it nothing is drawn)")
 
 
@@ -293,18 +293,18 @@ def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
         signal, unit = given_signals(experiment.disturbance)[name]
         t: Floats = np.arange(samples, dtype=np.float64) * sample_time
         return replace(signal, scale=1.0).sampled(t, unit)
-    drawn = random_signals(experiment).get(name)
-    if not isinstance(drawn, RandomSignal):
+    random = random_signals(experiment).get(name)
+    if not isinstance(random, RandomSignal):
         return np.zeros(samples)
     by_sigma, by_time, by_limit = _signal_slope(experiment, name, key)
     table = np.empty((samples, 1))
-    Signals([replace(drawn, sigma=1.0, limit=NO_LIMIT)]).fill(table, 0)
+    Signals([replace(random, sigma=1.0, limit=NO_LIMIT)]).fill(table, 0)
     free = table[:, 0]
     slope = by_sigma * free
     if by_time:
-        by_decay = drawn.decay * log(drawn.decay) ** 2 / sample_time
-        slope += drawn.sigma * by_time * by_decay * _slope_by_decay(free, drawn)
-    return np.where(np.abs(drawn.sigma * free) < drawn.limit, slope, by_limit * np.sign(free))
+        by_decay = random.decay * log(random.decay) ** 2 / sample_time
+        slope += random.sigma * by_time * by_decay * _slope_by_decay(free, random)
+    return np.where(np.abs(random.sigma * free) < random.limit, slope, by_limit * np.sign(free))
 
 
 def _slope_by_decay(free: Floats, drawn: RandomSignal) -> Floats:
@@ -329,8 +329,8 @@ SHAPING = {"sensors.": Sensors(), "disturbance.": Disturbance(), "plant.vehicle.
 @cache
 def _keys() -> tuple[str, ...]:
     """Numbers that may shape a random signal."""
-    known = (leaf for prefix, group in SHAPING.items() for leaf in describe(type(group), prefix).values())
-    return tuple(leaf.key for leaf in known if leaf.kind is float)
+    shaping_leaves = (leaf for prefix, group in SHAPING.items() for leaf in describe(type(group), prefix).values())
+    return tuple(leaf.key for leaf in shaping_leaves if leaf.kind is float)
 
 
 def _signal_slope(experiment: Experiment, name: str, key: str) -> list[float]:
@@ -345,11 +345,11 @@ def _signal_slopes() -> Mapping[tuple[str, str], ca.Function]:
     symbols = {key: ca.SX.sym(key) for key in _keys()}
     sensors, sea, vehicle = (with_leaves(group, symbols, prefix) for prefix, group in SHAPING.items())
     every = ca.vertcat(*symbols.values())
-    found = {}
+    slopes_by_signal = {}
     for name, signal in gauss_markov_signals(sensors, sea, vehicle).items():
         shape = ca.vertcat(signal.sigma, signal.time, signal.limit)
         for key, symbol in symbols.items():
             slopes = ca.sparsify(ca.jacobian(shape, symbol))
             if slopes.nnz():
-                found[name, key] = ca.Function("slopes", [every], [ca.densify(slopes)])
-    return found
+                slopes_by_signal[name, key] = ca.Function("slopes", [every], [ca.densify(slopes)])
+    return slopes_by_signal

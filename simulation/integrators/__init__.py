@@ -84,14 +84,14 @@ class Integrator:
 
     def advance(self, problem: Problem, motion: Motion, substeps: int) -> Motion:
         """Motion at the end of the sample: in one step where that is valid, else in equal sub-steps."""
-        h, careful = problem.duration / substeps, motion
+        h, substepped = problem.duration / substeps, motion
         for part in range(substeps):
-            careful = self.substep(problem, careful, problem.t + part * h, h)
+            substepped = self.substep(problem, substepped, problem.t + part * h, h)
         if self.one_step is None:
-            return careful
-        quick, valid = self.one_step(problem, motion)
-        values, chosen = leaves(careful), leaves(quick)
-        return with_leaves(quick, {key: where(valid > 0, chosen[key], values[key]) for key in chosen})
+            return substepped
+        single_step, valid = self.one_step(problem, motion)
+        values, whole_sample = leaves(substepped), leaves(single_step)
+        return with_leaves(single_step, {key: where(valid > 0, whole_sample[key], values[key]) for key in whole_sample})
 
 
 TURN = 2 * math.pi

@@ -64,15 +64,15 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     stretch_1, rate_1, pull_1 = rope_1.end(a)
     stretch_2, rate_2, pull_2 = rope_2.end(a)
 
-    late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # Eq. 19: where a rope went slack or tight
+    jump = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # Eq. 19: where a rope went slack or tight
     steps = h * state.v + a  # speed at the end in m/step, without the above
     x = state.x + h * state.v + a / 2
     (longer_1, creeping_1), (longer_2, creeping_2) = crept(t + h, plant.creep_1), crept(t + h, plant.creep_2)
     theta_1, radius_1 = _turned(drum_1, stretch_1 + x + longer_1)
     theta_2, radius_2 = _turned(drum_2, stretch_2 - x + longer_2)
     following = PlantState(
-        x=x + late / 2,
-        v=state.v + 1 / h * (a + late),
+        x=x + jump / 2,
+        v=state.v + 1 / h * (a + jump),
         theta_1=theta_1,
         omega_1=1 / (radius_1 * h) * (rate_1 + steps + h * creeping_1),
         theta_2=theta_2,
@@ -95,7 +95,7 @@ def _oscillators(
 
     The unit of time is the sub-step h in s, so that rates are in m/step.
     """
-    plant, found = problem.plant, []
+    plant, oscillators = problem.plant, []
     travel = h * state.v
     lengths = rope_lengths(state.x + travel / 2, plant.track)
     speeds, torques = (state.omega_1, state.omega_2), (problem.torques.tau_1, problem.torques.tau_2)
@@ -124,8 +124,8 @@ def _oscillators(
             drag=drag,
             slack=slack,
         )
-        found.append(oscillator)
-    return found
+        oscillators.append(oscillator)
+    return oscillators
 
 
 FRICTION_REACH = 3.0
@@ -140,24 +140,24 @@ def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
 
     It is where both ropes certainly stay taut (Eq. 27) and dry friction on rail and winches is nearly linear (Eq. 28).
     """
-    moved, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
-    before, after, plant = motion.plant, moved.plant, problem.plant
+    motion_after, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
+    before, after, plant = motion.plant, motion_after.plant, problem.plant
     vehicle = plant.vehicle
     scale, stribeck = vehicle.friction_velocity, vehicle.stribeck_velocity
     scale = where(vehicle.stiction > 0, maximum(scale, stribeck), scale)
-    least = _straightness(before.v, after.v, scale, RAIL_STEP)
+    straightness = _straightness(before.v, after.v, scale, RAIL_STEP)
     for winch, start, end in (
         (plant.winch_1, before.omega_1, after.omega_1),
         (plant.winch_2, before.omega_2, after.omega_2),
     ):
-        with_winch = minimum(least, _straightness(start, end, FRICTION_SPEED, WINCH_STEP))
-        least = where(winch.coulomb_friction > 0, with_winch, least)
-    return moved, minimum(least, clearance) if plant.rope_slack else least
+        with_winch = minimum(straightness, _straightness(start, end, FRICTION_SPEED, WINCH_STEP))
+        straightness = where(winch.coulomb_friction > 0, with_winch, straightness)
+    return motion_after, minimum(straightness, clearance) if plant.rope_slack else straightness
 
 
 def _straightness(start: Scalar, end: Scalar, scale: Scalar, step: float) -> Scalar:
     """Positive where tanh(speed/scale) is nearly linear over the step: high speed, or a small change of it (Eq. 28)."""
-    least = where(start * end > 0, minimum(absolute(start), absolute(end)), 0.0)
-    fast = least / scale - FRICTION_REACH
+    smaller_speed = where(start * end > 0, minimum(absolute(start), absolute(end)), 0.0)
+    fast = smaller_speed / scale - FRICTION_REACH
     steady = step - absolute(end - start) / scale
     return maximum(fast, steady)

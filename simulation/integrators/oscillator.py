@@ -126,21 +126,21 @@ def free_flight(
     once = t * (60 + z * (6 + z)) * scale
     twice = t**2 * (30 + z * (8 + z)) * scale
     thrice = t**3 * (10 + z * (3.5 + 0.5 * z)) * scale
-    kept = (60 + z * (3 * z - 24)) * scale
-    return stretch + once * rate + twice * g + thrice * ramp, kept * rate + once * g + twice * ramp
+    remainder = (60 + z * (3 * z - 24)) * scale
+    return stretch + once * rate + twice * g + thrice * ramp, remainder * rate + once * g + twice * ramp
 
 
 def taut_series(
     stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar, kappa: Scalar, damping: Scalar, t: Scalar
 ) -> tuple[Scalar, Scalar]:
     """Stretch and rate at the time t of a taut rope, s'' = g + ramp t − kappa s − damping s', as series (Eq. 23)."""
-    first, second = rate, g - kappa * stretch - damping * rate
+    slope, curvature = rate, g - kappa * stretch - damping * rate
     moved_stretch, moved_rate, power = stretch + t * rate, rate, t
     for order in range(2, SERIES_ORDER + 1):
-        moved_rate = moved_rate + second * power
+        moved_rate = moved_rate + curvature * power
         power = power * t / order
-        moved_stretch = moved_stretch + second * power
-        first, second = second, (ramp if order == 2 else 0.0) - kappa * first - damping * second
+        moved_stretch = moved_stretch + curvature * power
+        slope, curvature = curvature, (ramp if order == 2 else 0.0) - kappa * slope - damping * curvature
     return moved_stretch, moved_rate
 
 

@@ -31,7 +31,7 @@ class _Stepper:
         self._following, self._margin, self._valid = np.empty_like(state), np.empty(1), np.zeros(1)
         moving = system.sizes["MOTION"]
         motion, hold = self.state[:moving], np.empty(system.sizes["HOLD"])
-        moved, discrete = self._following[:moving], self._following[moving:]
+        motion_part, discrete = self._following[:moving], self._following[moving:]
         self.observe = self._prepared(system.observe, [self.state, self.exogenous], [self.row])
         self._sample, self._fast_sample = (
             self._prepared(function, [self.state, self.exogenous], [discrete, hold])
@@ -41,13 +41,13 @@ class _Stepper:
         source, between = motion, np.empty(moving)
         self._parts: list[Callable[[], None]] = []
         for part in range(system.parts):
-            target = moved if (system.parts - part) % 2 else between
+            target = motion_part if (system.parts - part) % 2 else between
             number = np.array([float(part)])
             self._parts.append(self._prepared(system.move, [source, hold, number], [target, self._margin]))
             source = target
         self._one_step = lambda: None
         if system.one_step:
-            self._one_step = self._prepared(system.one_step, [motion, hold], [moved, self._margin, self._valid])
+            self._one_step = self._prepared(system.one_step, [motion, hold], [motion_part, self._margin, self._valid])
 
     def _prepared(self, function: ca.Function, inputs: list[Floats], outputs: list[Floats]) -> Callable[[], None]:
         derive, lean = hoisted(function)
@@ -88,16 +88,16 @@ def interpreter(system: Sampled) -> Engine:
     def run(parameters: Floats, exogenous: Floats, state: Floats, stride: int) -> tuple[Outcome, int, Floats]:
         stepper = _Stepper(system, parameters, state)
         rows: list[Floats] = []
-        outcome, done = Outcome.COMPLETED, 0
-        while done < len(exogenous) and outcome == Outcome.COMPLETED:
-            stepper.exogenous[:] = exogenous[done]
-            if stride and done % stride == 0:
+        outcome, count = Outcome.COMPLETED, 0
+        while count < len(exogenous) and outcome == Outcome.COMPLETED:
+            stepper.exogenous[:] = exogenous[count]
+            if stride and count % stride == 0:
                 stepper.observe()
                 rows.append(stepper.row.copy())
             outcome = stepper.step()
-            done += 1
+            count += 1
         state[:] = stepper.state
-        return outcome, done, np.array(rows).reshape(len(rows), stepper.row.size)
+        return outcome, count, np.array(rows).reshape(len(rows), stepper.row.size)
 
     return run
 

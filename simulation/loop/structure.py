@@ -270,12 +270,12 @@ def symbolic_parts(owner: Experiment | LoopStructure, values: Mapping[str, Scala
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def _alike(controller: Controller) -> Controller:
     """A controller of the same structure with placeholder numbers."""
-    found = replace(alike(controller), nominal=Nominal())
-    if found.preview != controller.preview:
+    shape = replace(alike(controller), nominal=Nominal())
+    if shape.preview != controller.preview:
         raise ConfigurationError(
             "preview: a part's times ahead follow from a number that may change at run time; mark it Mark.SHAPES_CODE"
         )
-    return found
+    return shape
 
 
 @GRAPHS.cached
@@ -301,11 +301,11 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     controller = experiment.controller
-    own, assumed = (
+    nominal_simulated, assumed = (
         nominal_plant(controller.nominal, plant, controller.limits.preload)
         for plant in (experiment.plant, nominal or experiment.plant)
     )
-    values = _values(experiment, experiment.simulation, own, assumed)
+    values = _values(experiment, experiment.simulation, nominal_simulated, assumed)
     return {key: float(value) for key, value in values.items()}
 
 

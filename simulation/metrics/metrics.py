@@ -21,17 +21,17 @@ def _error(
     meaning: str, formula: str, label: str = "", *, steady: bool = False, abbreviated: bool = False
 ) -> MetricQuantity:
     """Metadata of a measure of the tracking error, displayed in mm or mm²."""
-    unit, shown = ("m^2", ("mm²", 1e6, ".3g")) if "^2" in meaning else ("m", ("mm", 1e3, ".3g"))
+    unit, display = ("m^2", ("mm²", 1e6, ".3g")) if "^2" in meaning else ("m", ("mm", 1e3, ".3g"))
     label, window = label or readable(meaning), "steady state" if steady else "whole run"
     label = f"steady {label}" if steady else label
     about = f"{meaning}, {window}"
-    return MetricQuantity(unit, about, "", label, formula, shown, abbreviated=abbreviated, least=0.0)
+    return MetricQuantity(unit, about, "", label, formula, display, abbreviated=abbreviated, least=0.0)
 
 
 def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
     """Metadata of a share of the samples, displayed in percent."""
-    about, shown = f"share of samples with {meaning}", ("%", 1e2, ".4g")
-    return MetricQuantity("1", about, "", label, formula, shown, least=0.0, most=1.0)
+    about, display = f"share of samples with {meaning}", ("%", 1e2, ".4g")
+    return MetricQuantity("1", about, "", label, formula, display, least=0.0, most=1.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -190,15 +190,15 @@ def metric_quantities(own: Sequence[Metric] = ()) -> dict[str, MetricQuantity]:
 
 
 def _quantities_of(metrics: type[Metrics]) -> dict[str, MetricQuantity]:
-    known = {name: leaf.quantity for name, leaf in describe(metrics).items()}
-    return {name: quantity for name, quantity in known.items() if isinstance(quantity, MetricQuantity)}
+    quantities = {name: leaf.quantity for name, leaf in describe(metrics).items()}
+    return {name: quantity for name, quantity in quantities.items() if isinstance(quantity, MetricQuantity)}
 
 
 def in_words(name: str) -> str:
     """The name of a figure of merit or statistic in words: ``mean.steady_mse`` is mean steady MSE."""
-    known = metric_quantities()
+    quantities = metric_quantities()
     words = name.replace(".", " ").replace("_", " ").split()
-    return " ".join(word.upper() if word in known and known[word].abbreviated else word for word in words)
+    return " ".join(word.upper() if word in quantities and quantities[word].abbreviated else word for word in words)
 
 
 def metrics_with(own: Sequence[Metric]) -> type[Metrics]:
@@ -258,7 +258,7 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
     """The accumulators after one more sample; `sample_time` in s."""
     size, square = absolute(sample.e), sample.e**2
     has_previous = sample.number > 0
-    least = minimum(sample.F1, sample.F2)
+    smaller_tension = minimum(sample.F1, sample.F2)
     change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
     change_1, change_2 = sample.torque_1 - so_far.tau_1_previous, sample.torque_2 - so_far.tau_2_previous
     torque_change = absolute(change_1) + absolute(change_2)
@@ -272,9 +272,9 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
         steady_sum_square=so_far.steady_sum_square + sample.steady * square,
         saturated=so_far.saturated + sample.saturated,
         torque_saturated=so_far.torque_saturated + sample.torque_saturated,
-        slack=so_far.slack + (least <= 0),
+        slack=so_far.slack + (smaller_tension <= 0),
         peak=maximum(so_far.peak, maximum(sample.F1, sample.F2)),
-        least=minimum(so_far.least, least),
+        least=minimum(so_far.least, smaller_tension),
         sum_change=so_far.sum_change + where(has_previous, change, 0.0),
         F1_previous=sample.F1,
         F2_previous=sample.F2,
@@ -359,8 +359,8 @@ def checked_metrics(metrics: Any) -> tuple[Metric, ...]:
     names: list[str] = []
     for index, metric in enumerate(metrics):
         if not isinstance(metric, Metric):
-            wanted = f"{metric.__name__}()" if isinstance(metric, type) else "a Metric"
-            raise ConfigurationError(f"metrics[{index}]: must be {wanted}, not {_name(metric)}")
+            requirement = f"{metric.__name__}()" if isinstance(metric, type) else "a Metric"
+            raise ConfigurationError(f"metrics[{index}]: must be {requirement}, not {_name(metric)}")
         if not isinstance(getattr(metric, "quantity", None), Quantity):
             raise ConfigurationError(
                 f'metric \'{metric.kind}\': has no quantity; write e.g. quantity = Quantity("s", "what it means")'

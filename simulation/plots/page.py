@@ -88,11 +88,11 @@ def _new_figure(height: float, title: str, subtitle: str, gap: float) -> "Figure
 
     engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=gap, hspace=0.04, wspace=0.03)
     figure = Figure(figsize=(WIDTH, height), layout=engine)
-    left = 0.06 / WIDTH
+    margin = 0.06 / WIDTH
     # an invisible suptitle of two lines reserves the space of the heading, which is drawn over it in two weights
-    figure.suptitle(" \n ", x=left, ha="left", fontsize=10, linespacing=1.35)
-    figure.text(left, 1 - 0.06 / height, title, ha="left", va="top", fontsize=10.5, fontweight="bold")
-    figure.text(left, 1 - 0.25 / height, subtitle, ha="left", va="top", fontsize=8.5, color=GREY)
+    figure.suptitle(" \n ", x=margin, ha="left", fontsize=10, linespacing=1.35)
+    figure.text(margin, 1 - 0.06 / height, title, ha="left", va="top", fontsize=10.5, fontweight="bold")
+    figure.text(margin, 1 - 0.25 / height, subtitle, ha="left", va="top", fontsize=8.5, color=GREY)
     return figure
 
 
@@ -100,11 +100,11 @@ def _page_of(ax: "Axes | Sequence[Axes] | NDArray[Any]") -> "Page":
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
-    given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-    if not given or not all(isinstance(axes, Axes) for axes in given):
+    axes_list = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+    if not axes_list or not all(isinstance(axes, Axes) for axes in axes_list):
         raise ConfigurationError("ax: must be matplotlib axes, or a list or array of them")
-    figure = given[0].figure
-    return Page(figure.figure if isinstance(figure, SubFigure) else figure, given)
+    figure = axes_list[0].figure
+    return Page(figure.figure if isinstance(figure, SubFigure) else figure, axes_list)
 
 
 class Page:
@@ -131,21 +131,21 @@ class Page:
 
     def mosaic(self, names: list[list[str]], **layout: Any) -> "list[Axes]":
         """The panels of a mosaic in the order of their names; `layout` as for `Figure.subplot_mosaic`."""
-        known = list(dict.fromkeys(name for row in names for name in row))
+        panel_names = list(dict.fromkeys(name for row in names for name in row))
         if self._given is None:
             layout |= {"mosaic": names}
-            found = self.figure.subplot_mosaic(**layout)
-            self.drawn = [found[name] for name in known]
+            panels = self.figure.subplot_mosaic(**layout)
+            self.drawn = [panels[name] for name in panel_names]
             return self.drawn
-        return self._with_others(len(known))
+        return self._with_others(len(panel_names))
 
     def _with_others(self, count: int) -> "list[Axes]":
         from matplotlib.figure import Figure
 
-        missing = count - len(self.drawn)
-        if missing < 0:
+        shortfall = count - len(self.drawn)
+        if shortfall < 0:
             raise ConfigurationError(f"ax: {len(self.drawn)} axes were given; there are {count} panels")
-        return [*self.drawn, *(Figure().subplots() for _ in range(missing))]
+        return [*self.drawn, *(Figure().subplots() for _ in range(shortfall))]
 
     def time_axes(self, panels: "Sequence[Axes]", experiment: Experiment, *, shaded: bool = True) -> None:
         """Limit stacked panels to the run's duration in s, shade its steady state, and label their time axis."""
@@ -163,11 +163,11 @@ class Page:
 
     def legend(self, *others: "Line2D | Patch") -> None:
         """One legend for all panels, with `others` last: below them, or inside the first of a caller's axes."""
-        found: dict[str, Any] = {}
+        handle_by_label: dict[str, Any] = {}
         for axes in self.drawn:
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-                found.setdefault(label, handle)
-        handles = [*found.values(), *others]
+                handle_by_label.setdefault(label, handle)
+        handles = [*handle_by_label.values(), *others]
         if self._given and handles:
             self._given[0].legend(handles=handles)
         elif handles:

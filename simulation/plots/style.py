@@ -89,8 +89,8 @@ def house_style() -> Iterator[None]:
 
 def plain(text: str) -> str:
     r"""A user's name escaped for Matplotlib: ``$`` starts no formula, a leading ``_`` does not hide a label."""
-    shown = one_line(text).replace("$", r"\$")
-    return f"\u200b{shown}" if shown.startswith("_") else shown
+    escaped = one_line(text).replace("$", r"\$")
+    return f"\u200b{escaped}" if escaped.startswith("_") else escaped
 
 
 def law_label(experiment: Experiment) -> str:

@@ -17,19 +17,19 @@ def thin(t: Floats, values: Floats, columns: int = PIXEL_COLUMNS) -> tuple[Float
 
     Times, ascending, and values are (rows,); NaN where the signal has none. Short signals are kept whole.
     """
-    drawn = drawable(values)
+    finite_values = drawable(values)
     if len(t) <= 4 * columns:
-        return t, drawn
+        return t, finite_values
     block = -(-len(t) // columns)
     indices = np.arange(-(-len(t) // block) * block).clip(max=len(t) - 1).reshape(-1, block)
-    blocks = drawn[indices]
-    missing = np.isnan(blocks)
-    lowest = np.argmin(np.where(missing, np.inf, blocks), axis=1)
-    highest = np.argmax(np.where(missing, -np.inf, blocks), axis=1)
+    blocks = finite_values[indices]
+    gaps = np.isnan(blocks)
+    lowest = np.argmin(np.where(gaps, np.inf, blocks), axis=1)
+    highest = np.argmax(np.where(gaps, -np.inf, blocks), axis=1)
     rows = np.arange(len(indices))
-    kept = np.concatenate(([0, len(t) - 1], indices[rows, lowest], indices[rows, highest]))
-    kept = np.unique(kept)
-    return t[kept], drawn[kept]
+    indices_of_line = np.concatenate(([0, len(t) - 1], indices[rows, lowest], indices[rows, highest]))
+    indices_of_line = np.unique(indices_of_line)
+    return t[indices_of_line], finite_values[indices_of_line]
 
 
 def drawable(values: Floats) -> Floats:

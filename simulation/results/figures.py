@@ -78,14 +78,14 @@ def _labelled(runs: Runs) -> list[tuple[str, Result]]:
         return [(law_label(runs.experiment), runs)]
     if isinstance(runs, Mapping):
         return [(str(label), result) for label, result in runs.items()]
-    given = list(runs)
-    names = [law_label(result.experiment) if isinstance(result, Result) else "results" for result in given]
-    count, seen = Counter(names), Counter[str]()
+    label_list = list(runs)
+    names = [law_label(result.experiment) if isinstance(result, Result) else "results" for result in label_list]
+    count, repeats = Counter(names), Counter[str]()
     labels: list[str] = []
     for name in names:
-        seen[name] += 1
-        labels.append(f"{name} ({seen[name]})" if count[name] > 1 else name)
-    return list(zip(labels, given, strict=True))
+        repeats[name] += 1
+        labels.append(f"{name} ({repeats[name]})" if count[name] > 1 else name)
+    return list(zip(labels, label_list, strict=True))
 
 
 def _looks(own: Sequence[Look]) -> list[Look]:
@@ -96,16 +96,16 @@ def _looks(own: Sequence[Look]) -> list[Look]:
         for dashes in turns
         for place in range(len(PALETTE))
     ]
-    taken = list(dict.fromkeys(own))
+    colours_in_use = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:
-        chosen = look
+        style = look
         if look in looks:
-            free = [each for each in every if each not in taken] or every
-            colours = {colour for colour, _ in taken}
-            chosen = next((each for each in free if each[0] not in colours), free[0])
-        taken.append(chosen)
-        looks.append(chosen)
+            free = [each for each in every if each not in colours_in_use] or every
+            colours = {colour for colour, _ in colours_in_use}
+            style = next((each for each in free if each[0] not in colours), free[0])
+        colours_in_use.append(style)
+        looks.append(style)
     return looks
 
 
@@ -164,8 +164,8 @@ def _zoom(axes: Axes, lines: Iterable[tuple[Curve, str, dict[str, Any]]], window
     inset.set_xlim(*window)
     inset.tick_params(labelsize=7, length=2)
     inset.set_title(f"{window[0]:g} to {window[1]:g} s, enlarged", fontsize=7.5, color=GREY, pad=3)
-    drawn = np.concatenate([np.asarray(line.get_ydata(), float) for line in inset.lines])
-    lowest, highest = np.fmin.reduce(drawn, initial=np.inf), np.fmax.reduce(drawn, initial=-np.inf)
+    ordinates = np.concatenate([np.asarray(line.get_ydata(), float) for line in inset.lines])
+    lowest, highest = np.fmin.reduce(ordinates, initial=np.inf), np.fmax.reduce(ordinates, initial=-np.inf)
     if highest > lowest:
         inset.set_ylim(lowest, highest)
         axes.indicate_inset((window[0], lowest, window[1] - window[0], highest - lowest), edgecolor=INK)
@@ -179,13 +179,13 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
     runs = curves(results)
     experiment = longest(runs)
     with new_page(ax, 5.4, *_headings(runs, "error")) as page:
-        whole, decades, steady = page.mosaic([["whole", "whole"], ["decades", "steady"]], height_ratios=(1.05, 1))
+        overview, decades, steady = page.mosaic([["whole", "whole"], ["decades", "steady"]], height_ratios=(1.05, 1))
         unit, name = length_unit(max(largest(run.result["e"]) for run in runs))
         for run in runs:
-            run.draw(whole, "e", unit)
+            run.draw(overview, "e", unit)
             run.line(decades, *peaks(run.result["t"], run.result["e"], experiment.duration / INTERVALS))
-        zero_line(whole)
-        whole.set(title="whole run", ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
+        zero_line(overview)
+        overview.set(title="whole run", ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
         decades.set_yscale("log")
         bottom, top = decades.get_ylim()
         decades.set_ylim(max(bottom, 1e-8), top)
@@ -194,7 +194,7 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
         decades.set(title=f"size of the error (largest in each {experiment.duration / INTERVALS:g} s)")
         decades.set_ylabel("$|e|$ (m)")
         _steady_error(steady, runs)
-        page.time_axes([whole], experiment)
+        page.time_axes([overview], experiment)
         page.time_axes([decades], experiment)
         page.legend(steady_patch())
     return page.figure
@@ -213,8 +213,8 @@ def _steady_error(axes: Axes, runs: Sequence[Curve]) -> None:
             run.draw(axes, "e", unit, rows)
         else:
             scale, its_name = length_unit(size)
-            shown = drawable(run.result["e"][rows]) / scale
-            span = f"{np.nanmin(shown):.3g} to {np.nanmax(shown):.3g}".replace("-", "−")
+            errors = drawable(run.result["e"][rows]) / scale
+            span = f"{np.nanmin(errors):.3g} to {np.nanmax(errors):.3g}".replace("-", "−")
             left_out.append(f"{run.label}: {span} {its_name}, off this panel")
     zero_line(axes)
     axes.set_xlim(start, max(end, start + experiment.simulation.sample_time))
@@ -312,17 +312,17 @@ def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
 
 def _extremes(runs: Sequence[Curve], column: str) -> str:
     """Peaks or slack in words, as events of a few milliseconds are invisible at this width."""
-    drawn = [run for run in runs if np.isfinite(run.result[column]).any()]
-    slack = {run.label: _slack_time(run.result["t"], run.result[column]) for run in drawn}
+    finite_runs = [run for run in runs if np.isfinite(run.result[column]).any()]
+    slack = {run.label: _slack_time(run.result["t"], run.result[column]) for run in finite_runs}
     if any(slack.values()):
         return "slack: " + ", ".join(f"{label} {_moment(time)}" for label, time in slack.items() if time)
-    peaks = [float(np.nanmax(run.result[column])) for run in drawn]
+    peaks = [float(np.nanmax(run.result[column])) for run in finite_runs]
     highest = max(peaks, default=0.0)
     if highest <= OVERSHOOT * runs[0].experiment.controller.limits.tension_max:
         return ""
-    first = drawn[peaks.index(highest)].result
-    at = first["t"][np.nanargmax(first[column])]
-    reached = [run.label for run, peak in zip(drawn, peaks, strict=True) if f"{peak:.3g}" == f"{highest:.3g}"]
+    highest_run = finite_runs[peaks.index(highest)].result
+    at = highest_run["t"][np.nanargmax(highest_run[column])]
+    reached = [run.label for run, peak in zip(finite_runs, peaks, strict=True) if f"{peak:.3g}" == f"{highest:.3g}"]
     return f"peak {highest / KILO:.2f} kN at {_moment(at)} ({', '.join(reached)})"
 
 

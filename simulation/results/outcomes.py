@@ -66,8 +66,8 @@ class RunOutcomes:
 
     def take(self, indices: Any, axis: int = -1) -> Self:
         """Select runs by indices along an axis, like `numpy.take`."""
-        along = axis % self.outcomes.ndim
-        return self._changed(lambda values: values.take(indices, along))
+        positive_axis = axis % self.outcomes.ndim
+        return self._changed(lambda values: values.take(indices, positive_axis))
 
     def reshape(self, shape: Sequence[int]) -> Self:
         """The same runs with another shape."""
@@ -76,22 +76,22 @@ class RunOutcomes:
 
     def _changed(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
         changed = {
-            name: {key: change(values) for key, values in found.items()}
-            if isinstance(found, Mapping)
-            else change(found)
-            for name, found in self._arrays.items()
+            name: {key: change(values) for key, values in array.items()}
+            if isinstance(array, Mapping)
+            else change(array)
+            for name, array in self._arrays.items()
         }
         return replace(self, **changed)
 
     def put(self, at: Any, part: "RunOutcomes") -> None:
         """Store a part of the runs, of the same class, at an index of these arrays."""
-        for name, found in self._arrays.items():
-            given = getattr(part, name)
-            if isinstance(found, Mapping):
-                for key, values in found.items():
-                    values[at] = given[key]
+        for name, array in self._arrays.items():
+            addition = getattr(part, name)
+            if isinstance(array, Mapping):
+                for key, values in array.items():
+                    values[at] = addition[key]
             else:
-                found[at] = given
+                array[at] = addition
 
 
 def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:

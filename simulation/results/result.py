@@ -142,14 +142,14 @@ class Result(Mapping[str, NDArray[np.float64]]):
             ConfigurationError: neither or both are given, the run kept no rows, or a time is outside their range.
         """
         t = self["t"]
-        chosen = _instants(t, rate, times)
+        instants = _instants(t, rate, times)
         slip = SLIP * (t[1] - t[0]) if len(t) > 1 else 0.0
-        latest = np.maximum(np.searchsorted(t, chosen + slip, side="right") - 1, 0)
+        latest = np.maximum(np.searchsorted(t, instants + slip, side="right") - 1, 0)
         columns = {
-            name: np.interp(chosen, t, self[name]) if kind == "linear" else self[name][latest]
+            name: np.interp(instants, t, self[name]) if kind == "linear" else self[name][latest]
             for name, kind in self.interpolation.items()
         }
-        return replace(self, columns=columns | {"t": chosen})
+        return replace(self, columns=columns | {"t": instants})
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
         """Plot an overview of the run: trajectory, error, tensions, force and estimate.
@@ -214,10 +214,10 @@ class Result(Mapping[str, NDArray[np.float64]]):
 
     def __repr__(self) -> str:
         """Law, outcome and main figures of merit in one line."""
-        known = self.metrics.quantities
+        quantities = self.metrics.quantities
         merits = [
-            f"{name} {self.metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
-            for name in (*SHOWN_METRICS, *(name for name in known if name not in BUILT_IN))
+            f"{name} {self.metrics[name]:.4g} {readable_unit(quantities[name].unit)}".rstrip()
+            for name in (*SHOWN_METRICS, *(name for name in quantities if name not in BUILT_IN))
             if not math.isnan(self.metrics[name])
         ]
         return f"Result({self._law}: {'; '.join([self._words, *merits])})"
@@ -227,8 +227,8 @@ class Result(Mapping[str, NDArray[np.float64]]):
         rows = []
         for name, quantity in self.quantities.items():
             ends = np.fmin.reduce(self[name], initial=np.inf), np.fmax.reduce(self[name], initial=-np.inf)
-            shown = [f"{end:.4g}" if np.isfinite(end) else "–" for end in ends]
-            rows.append([name, *shown, readable_unit(quantity.unit), readable(quantity.meaning)])
+            texts = [f"{end:.4g}" if np.isfinite(end) else "–" for end in ends]
+            rows.append([name, *texts, readable_unit(quantity.unit), readable(quantity.meaning)])
         columns = table(["column", "lowest", "highest", "unit", "meaning"], rows, numbers=(1, 2))
         return page(
             self._law,
@@ -263,24 +263,26 @@ def _instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
         raise ConfigurationError("resample: give either rate or times")
     if not len(t):
         raise ConfigurationError("resample: the run kept no rows (stride = 0)")
-    first, last = float(t[0]), float(t[-1])
-    slip = SLIP * (float(t[1]) - first) if len(t) > 1 else 0.0
+    begin, end = float(t[0]), float(t[-1])
+    slip = SLIP * (float(t[1]) - begin) if len(t) > 1 else 0.0
     if rate is not None:
-        if not (math.isfinite(rate) and rate > 0 and (last - first) * rate < MOST):
+        if not (math.isfinite(rate) and rate > 0 and (end - begin) * rate < MOST):
             raise ConfigurationError(f"rate = {rate:g}: must be a finite number > 0 1/s, of at most {MOST:g} instants")
-        count = math.floor((last - first + slip) * rate) + 1
-        return np.minimum(first + np.arange(count) / rate, last)
-    given = np.array(times, float)
-    if given.ndim != 1 or not given.size:
-        raise ConfigurationError(f"times: shape {given.shape} must be (n,), with at least one time")
-    outside = ~((given >= first - slip) & (given <= last + slip))
+        count = math.floor((end - begin + slip) * rate) + 1
+        return np.minimum(begin + np.arange(count) / rate, end)
+    instants = np.array(times, float)
+    if instants.ndim != 1 or not instants.size:
+        raise ConfigurationError(f"times: shape {instants.shape} must be (n,), with at least one time")
+    outside = ~((instants >= begin - slip) & (instants <= end + slip))
     if outside.any():
         index = int(outside.argmax())
-        raise ConfigurationError(f"times[{index}] = {given[index]:g}: must be {first:g} to {last:g} s, where rows are")
-    if (np.diff(given) <= 0).any():
-        index = int((np.diff(given) <= 0).argmax()) + 1
-        raise ConfigurationError(f"times[{index}] = {given[index]:g}: must be > times[{index - 1}]")
-    return given
+        raise ConfigurationError(
+            f"times[{index}] = {instants[index]:g}: must be {begin:g} to {end:g} s, where rows are"
+        )
+    if (np.diff(instants) <= 0).any():
+        index = int((np.diff(instants) <= 0).argmax()) + 1
+        raise ConfigurationError(f"times[{index}] = {instants[index]:g}: must be > times[{index - 1}]")
+    return instants
 
 
 def _extra(name: str) -> ModuleType:
@@ -425,10 +427,10 @@ def _disturbance_estimates(run: Curve) -> dict[str, Floats]:
     share = gains.compensation if isinstance(gains, KalmanGains) and "d_est" in result else 0.0
     if not share:
         return {"estimate": result["d_hat"]} if "d_hat" in result else {}
-    known = share * result["d_est"]
+    estimate = share * result["d_est"]
     if "d_hat" not in result:
-        return {"estimate of the filter, compensated": known}
-    return {f"whole estimate: filter's share and {law}": known + result["d_hat"], f"{law} alone": result["d_hat"]}
+        return {"estimate of the filter, compensated": estimate}
+    return {f"whole estimate: filter's share and {law}": estimate + result["d_hat"], f"{law} alone": result["d_hat"]}
 
 
 def _disturbance_panel(axes: "Axes", run: Curve) -> None:

@@ -125,13 +125,13 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
 
     variables = SubElement(document, "ModelVariables")
     for signal in listed:
-        own, value = _role_attributes(signal), _value_attributes(signal)
+        role_attributes, value = _role_attributes(signal), _value_attributes(signal)
         if signal.state is not None:
             value["derivative"] = str(numbers[signal.state])
         if two:
-            SubElement(SubElement(variables, "ScalarVariable", own), "Real", value)
+            SubElement(SubElement(variables, "ScalarVariable", role_attributes), "Real", value)
         else:
-            SubElement(variables, "Float64", own | value)
+            SubElement(variables, "Float64", role_attributes | value)
 
     structure = SubElement(document, "ModelStructure")
     outputs, derivatives = (
@@ -144,7 +144,7 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
         parent = SubElement(structure, group) if two else structure
         for reference, knowns in unknowns.items():
             which = {"index" if two else "valueReference": str(numbers[reference])}
-            dependencies = " ".join(str(numbers[known]) for known in knowns)
+            dependencies = " ".join(str(numbers[dependency]) for dependency in knowns)
             SubElement(parent, "Unknown" if two else element, which, dependencies=dependencies)
     return _text(document)
 

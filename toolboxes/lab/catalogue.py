@@ -169,10 +169,10 @@ def instead_of(key: str, experiment: Experiment) -> float | None:
 
 def _typical(key: str, experiment: Experiment) -> float:
     """A typical number of an optional key, for its slider."""
-    instead = instead_of(key, experiment)
-    if instead is None and key == "reference.jerk_limit":  # ten times the least jerk that reaches the cruise speed
+    substitute = instead_of(key, experiment)
+    if substitute is None and key == "reference.jerk_limit":  # ten times the least jerk that reaches the cruise speed
         return 10 * 4 * references.cruise_speed(experiment.reference) / experiment.reference.accelerate_until**2
-    return instead or 0.0
+    return substitute or 0.0
 
 
 def _range_in(ensemble: Ensemble, key: str) -> tuple[float, float] | None:
@@ -244,12 +244,15 @@ def cases(usual: LabStructure, offered: Sequence[LabStructure] = ()) -> list[dic
     machines = {one.machine: one for one in reversed(offered) if one.machine}
     begun += [(f"case-{name}", f"Case 4 on the nominal machine of '{name}'", one) for name, one in machines.items()]
     entries = []
-    for name, label, there in begun:
-        values = {key: default_of(key, there) for key in (there if there.machine else usual).module.keys}
+    for name, label, structure_of_case in begun:
+        values = {
+            key: default_of(key, structure_of_case)
+            for key in (structure_of_case if structure_of_case.machine else usual).module.keys
+        }
         usual_values = leaves(usual.experiment)
         changed = {key: value for key, value in values.items() if value != number_of(key, usual_values)}
-        structure = there.id if there.machine else usual.id
-        steady = list(there.experiment.steady_window)
+        structure = structure_of_case.id if structure_of_case.machine else usual.id
+        steady = list(structure_of_case.experiment.steady_window)
         entries.append({"id": name, "label": label, "structure": structure, "values": changed, "steady": steady})
     return entries
 

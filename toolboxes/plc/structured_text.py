@@ -188,7 +188,7 @@ class _Package:
             of_structure[part.name] = count(part.members)
         for pou in project.pous:
             sections = pou.sections.items()
-            of_structure[pou.name] = sum(count(held) for section, held in sections if section != "VAR_IN_OUT")
+            of_structure[pou.name] = sum(count(members) for section, members in sections if section != "VAR_IN_OUT")
         return of_structure[self.name]
 
     def _variable(self, variable: blocks.Variable, *, value: bool = True, source: bool = False) -> PlcVariable:

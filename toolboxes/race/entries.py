@@ -145,8 +145,8 @@ VARIANTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 
 def ablations(estimator: str, coordination: str) -> list[RaceEntry]:
     """The complete law of the paper, and the law without each of its parts."""
-    whole = [RaceEntry(PAPER_LAW, estimator, coordination), RaceEntry(NO_OBSERVER, estimator, coordination)]
-    return whole + [
+    entries = [RaceEntry(PAPER_LAW, estimator, coordination), RaceEntry(NO_OBSERVER, estimator, coordination)]
+    return entries + [
         RaceEntry(PAPER_LAW, estimator, coordination, variant, settings, excluded)
         for variant, (settings, excluded) in VARIANTS.items()
     ]
@@ -182,8 +182,8 @@ class RaceTerms:
 
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` for a number out of range."""
-        for name, least in (("rollouts", 1), ("test_scenarios", 2)):
-            arguments.whole_number(name, getattr(self, name), least)
+        for name, smallest in (("rollouts", 1), ("test_scenarios", 2)):
+            arguments.whole_number(name, getattr(self, name), smallest)
 
     @property
     def test_seed(self) -> int:
@@ -211,10 +211,10 @@ def earlier_entries(folder: Path, terms: RaceTerms) -> list[RaceEntry]:
             for entry in record["entries"]
             for search in entry["searches"]
         ]
-        ours, theirs = (
+        here, there_before = (
             {name: _content(name, each[name]) for name in asdict(terms)} for each in (asdict(terms), record)
         )
-        differences = [name for name, value in ours.items() if value != theirs[name]]
+        differences = [name for name, value in here.items() if value != there_before[name]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigurationError(f"{file}: is not the result of a race; remove it") from error
     for name in differences:

@@ -127,17 +127,20 @@ def race(
         >>> race.ranking[0].entry.key
         'fando-nftsm, calibrating-kalman, differential-tension'
     """
-    drawn = ensemble if isinstance(ensemble, Ensemble) else ensemble_file.load_ensemble(ensemble)
-    for key in drawn.distributions:
+    population = ensemble if isinstance(ensemble, Ensemble) else ensemble_file.load_ensemble(ensemble)
+    for key in population.distributions:
         if key.startswith("controller."):
-            raise ConfigurationError(f"{key}: is drawn in '{drawn.name}'; a race needs fixed gains")
+            raise ConfigurationError(f"{key}: is drawn in '{population.name}'; a race needs fixed gains")
     for text in settings:
         key = experiment_file.parse_assignment(text)[0]
         if key in OPTIONS:
             raise ConfigurationError(f"{text}: give {OPTIONS[key]} instead, with every kind to compare")
     method = method or searching.default_method(1)
     searching.check_method(method, 1)
-    usual = searching.default_estimator(drawn), searching.default_coordination(drawn) or Controller().coordination.kind
+    usual = (
+        searching.default_estimator(population),
+        searching.default_coordination(population) or Controller().coordination.kind,
+    )
     entries = combinations(
         kinds(laws, registries.POSITION_LAWS, list(registries.POSITION_LAWS)),
         kinds(estimators, registries.ESTIMATORS, [usual[0]]),
@@ -150,13 +153,13 @@ def race(
     searched = [replace(entry, search=search) for search in range(searches) for entry in entries]
 
     def problem_of(entry: RaceEntry) -> TuningProblem:
-        return _problem(entry, drawn, settings, constraints, scenarios, seed)
+        return _problem(entry, population, settings, constraints, scenarios, seed)
 
     problem = problem_of(searched[0])
     if stress:
         extensions.extension(extensions.FUNCTIONS, "check_stress", "--stress")(problem)
     terms = RaceTerms(
-        ensemble=drawn.name,
+        ensemble=population.name,
         configuration=searching.configuration(replace(problem, experiment=problem.paper_experiment)),
         constraints=tuple(constraint.text for constraint in problem.constraints),
         method=method,
@@ -471,6 +474,6 @@ def _computed(
     tasks: Sequence[Any], executor: Executor, progress: progresses.PhaseProgress
 ) -> Iterator[tuple[Any, Any]]:
     """Tasks and their results, in the order in which they finish."""
-    for done, (number, result) in enumerate(executors.spread(executor, compute, [(task,) for task in tasks]), 1):
-        progress(done / len(tasks), f"{done} of {len(tasks)} searches and scores are done")
+    for count, (number, result) in enumerate(executors.spread(executor, compute, [(task,) for task in tasks]), 1):
+        progress(count / len(tasks), f"{count} of {len(tasks)} searches and scores are done")
         yield tasks[number], result

@@ -147,9 +147,9 @@ class RaceResult:
         terms = self.terms
         entries = f"{len(self.searches)} entr{'y' if len(self.searches) == 1 else 'ies'}"
         searches = len(self.entries)
-        more = f" in {searches} searches" if searches > len(self.searches) else ""
+        searches_text = f" in {searches} searches" if searches > len(self.searches) else ""
         return (
-            f"{entries}{more}, {terms.rollouts} rollouts of '{terms.ensemble}' each, "
+            f"{entries}{searches_text}, {terms.rollouts} rollouts of '{terms.ensemble}' each, "
             f"scored in {terms.test_scenarios} test scenarios, seed {terms.seed}"
         )
 
@@ -463,8 +463,8 @@ def _front(axes: Axes, scored: EntryResult, cost: str, look: dict[str, Any]) -> 
     best = _means(scored.runs, cost)
     points = [(point.cost, _rms(point.error)) for point in feasible] + ([] if scored.runs.violated else [best])
     if points:
-        shown = [points[index] for index in searching.undominated(*zip(*points, strict=True))]
-        axes.plot(*zip(*shown, strict=True), linewidth=1.1, alpha=0.8, marker=".", markersize=3, **look)
+        front_points = [points[index] for index in searching.undominated(*zip(*points, strict=True))]
+        axes.plot(*zip(*front_points, strict=True), linewidth=1.1, alpha=0.8, marker=".", markersize=3, **look)
     face = "white" if scored.runs.violated else look["color"]
     axes.plot(*best, "o", color=look["color"], markerfacecolor=face, markersize=4)
 

@@ -162,21 +162,23 @@ def front(trials: Sequence[searching.Evaluation], cost: str, most: int = FRONT_P
 
     It has at most `most` points, spread evenly over the front with both its ends.
     """
-    whole = [trial for trial in trials if trial.feasible]
-    costs, errors = (np.array([trial.statistics[f"mean.{name}"] for trial in whole]) for name in (cost, ERROR))
-    kept = searching.undominated(costs, errors)
-    chosen = dict.fromkeys(np.linspace(0, len(kept) - 1, min(most, len(kept))).round().astype(int).tolist())
-    return [whole[kept[index]] for index in chosen]
+    feasible = [trial for trial in trials if trial.feasible]
+    costs, errors = (np.array([trial.statistics[f"mean.{name}"] for trial in feasible]) for name in (cost, ERROR))
+    front_indices = searching.undominated(costs, errors)
+    sample = dict.fromkeys(
+        np.linspace(0, len(front_indices) - 1, min(most, len(front_indices))).round().astype(int).tolist()
+    )
+    return [feasible[front_indices[index]] for index in sample]
 
 
 def below_words(interval: intervals.Interval) -> str:
     """Factor by which an error is below another, with its interval, from their ratio's: ``16 500 × (...)``."""
     if math.isnan(interval.estimate):
         return "–"
-    factor, least, most = (
+    factor, low, high = (
         spaced(math.inf if not ratio else 1 / ratio) for ratio in (interval.estimate, interval.high, interval.low)
     )
-    return f"{factor} × ({least}–{most})"
+    return f"{factor} × ({low}–{high})"
 
 
 def spaced(number: float) -> str:

@@ -476,10 +476,10 @@ class ServedPlant:
             else max(2, round(self.settings.ahead * self.settings.rate / simulation.sample_time))
         )
         table, columns = self._run.table, [self._column(name) for name in REFERENCE]
-        done = int(self._runs.done[0])
-        start = min(done + ahead, len(table) - 1)
+        samples_done = int(self._runs.done[0])
+        start = min(samples_done + ahead, len(table) - 1)
         if self._run.shared.held:
-            table[done : start + 1, columns] = self._run.shared.held_at, 0.0, 0.0
+            table[samples_done : start + 1, columns] = self._run.shared.held_at, 0.0, 0.0
         x, v, _ = table[start, columns]
         t: Floats = np.arange(len(table) - start, dtype=np.float64) * simulation.sample_time
         table[start:, columns] = approach(t, x, v, target, reference).T

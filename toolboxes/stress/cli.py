@@ -169,8 +169,8 @@ def write_stress(out: Path, result: StressResult) -> list[str]:
 
     whole_files.write_whole(out / "stress.json", output.json_text(to_record(result)))
     drawing.save(result.plot(), out / "stress.svg")
-    shown = ["report.html"] if show_stress(out / "report.html", result) else []
-    return ["stress.json", "stress.svg", *shown]
+    report_files = ["report.html"] if show_stress(out / "report.html", result) else []
+    return ["stress.json", "stress.svg", *report_files]
 
 
 def to_record(result: StressResult) -> dict[str, Any]:

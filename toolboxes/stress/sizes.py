@@ -50,10 +50,10 @@ class Bisection:
         """Steps to try next; empty at the end of the search."""
         if not self.tried:
             return decades(self.bottom, self.top)
-        breakdown, held = self.breakdown, self.held
-        if breakdown is None or held is None or breakdown - held == 1:
+        breakdown, largest_held = self.breakdown, self.held
+        if breakdown is None or largest_held is None or breakdown - largest_held == 1:
             return []
-        return [(held + breakdown) // 2]
+        return [(largest_held + breakdown) // 2]
 
     @property
     def breakdown(self) -> int | None:

@@ -340,9 +340,11 @@ def _margins(
     """Bisect for all imperfections at once: each round is one batch."""
     searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
     violations: dict[tuple[Imperfection, int], tuple[ViolatedLimit, ...]] = {}
-    while wanted := [(imperfection, step) for imperfection, search in searches.items() for step in search.wanted()]:
-        sizes = [sizes_of(imperfection, step) for imperfection, step in wanted]
-        for (imperfection, step), runs in zip(wanted, runner.run(controller, sizes), strict=True):
+    while steps_to_run := [
+        (imperfection, step) for imperfection, search in searches.items() for step in search.wanted()
+    ]:
+        sizes = [sizes_of(imperfection, step) for imperfection, step in steps_to_run]
+        for (imperfection, step), runs in zip(steps_to_run, runner.run(controller, sizes), strict=True):
             violations[imperfection, step] = violated_limits(limits, runs)
             searches[imperfection].tried[step] = bool(violations[imperfection, step])
     return {

@@ -101,6 +101,6 @@ class SamplerSearch:
 
 def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:
     """The best and the latest evaluations, half of each, in their original order."""
-    kept = set(feasibility_first(known)[: count // 2])
-    kept |= set([index for index in range(len(known)) if index not in kept][-(count - len(kept)) :])
-    return [known[index] for index in sorted(kept)]
+    memory = set(feasibility_first(known)[: count // 2])
+    memory |= set([index for index in range(len(known)) if index not in memory][-(count - len(memory)) :])
+    return [known[index] for index in sorted(memory)]

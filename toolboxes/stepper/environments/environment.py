@@ -139,14 +139,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             ConfigurationError: an unknown experiment, or a number out of range.
         """
         allowed = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)}
-        given = str(getattr(autoreset_mode, "value", autoreset_mode))
-        if given not in allowed:
+        autoreset = str(getattr(autoreset_mode, "value", autoreset_mode))
+        if autoreset not in allowed:
             raise ConfigurationError(
-                f'autoreset_mode = "{given}": must be "NextStep" or "SameStep"; for others make separate '
+                f'autoreset_mode = "{autoreset}": must be "NextStep" or "SameStep"; for others make separate '
                 'environments: gymnasium.make_vec(..., vectorization_mode="sync")'
             )
-        self._same_step = allowed[given] == AutoresetMode.SAME_STEP
-        vars(self)["metadata"] = self.metadata | {"autoreset_mode": allowed[given]}
+        self._same_step = allowed[autoreset] == AutoresetMode.SAME_STEP
+        vars(self)["metadata"] = self.metadata | {"autoreset_mode": allowed[autoreset]}
         self.num_envs, self.render_mode = num_envs, render_mode
         self._task = task = Task(
             experiment,
@@ -187,8 +187,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
                 arguments.whole_number("seed", number)
         if seeds is not None and len(seeds) != self.num_envs:
             raise ConfigurationError(f"seed: has {len(seeds)} numbers: must have {self.num_envs}, one a lane")
-        first = next((number for number in (() if seeds is None else seeds) if number is not None), None)
-        super().reset(seed=first, options=options)
+        any_seed = next((number for number in (() if seeds is None else seeds) if number is not None), None)
+        super().reset(seed=any_seed, options=options)
         self._episodes += 1
         if not self._seeds:
             drawn_seed = int(self.np_random.integers(2**31))

@@ -185,9 +185,9 @@ class Task:
         rewards = self._reward.of(self._last, before)
         if stepper.under_way == stepper.batch:
             return rewards, np.zeros(stepper.batch, bool), np.zeros(stepper.batch, bool)
-        gone = running & ~stepper.running
-        ended = gone & (stepper.outcomes == "completed")
-        lost = gone & ~ended
+        just_ended = running & ~stepper.running
+        ended = just_ended & (stepper.outcomes == "completed")
+        lost = just_ended & ~ended
         steps = -(-np.append(stepper.experiment.samples, stepper.samples) // stepper.hold)
         rewards[lost] -= self._reward.lost**2 * (steps[0] - steps[1:][lost])
         return np.where(running, rewards, 0.0), lost, ended
