@@ -120,19 +120,19 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
     point = loop_operating_point(experiment, x, v)
     loop = point.loop
     structure = with_taut_ropes(structure_of(point.experiment))
-    outputs, kept = _outputs(loop), point.kept
-    motions = kept[kept < loop.move.numel_in("motion")]
-    sample = _closed_sample(structure, tuple(kept.tolist()))
+    outputs, state_indices = _outputs(loop), point.kept
+    motions = state_indices[state_indices < loop.move.numel_in("motion")]
+    sample = _closed_sample(structure, tuple(state_indices.tolist()))
     states = np.array([point.state, *neighbours(point.state)])
-    moved, at_sample = sample(
+    motion_slopes, at_sample = sample(
         states, *(np.tile(vector, (len(states), 1)) for vector in (point.exogenous, point.parameters))
     )
-    slopes = without_round_off(*np.concatenate([moved.slopes[:, motions], at_sample.slopes], axis=1))
-    n = len(kept)
+    slopes = without_round_off(*np.concatenate([motion_slopes.slopes[:, motions], at_sample.slopes], axis=1))
+    n = len(state_indices)
     matrices = slopes[:n, :n], slopes[:n, n:], slopes[n:, :n], slopes[n:, n:]
     units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
     inputs = [name for name, _ in INPUTS.values()]
-    return without_idle_states(_named(point, matrices, kept, inputs, outputs, units))
+    return without_idle_states(_named(point, matrices, state_indices, inputs, outputs, units))
 
 
 def linear_open_loop(
@@ -175,15 +175,15 @@ def loop_opened_at(point: LoopOperatingPoint, opening: str) -> LinearSystem:
     (A,), (B,), (C,), (D,) = point.opened
     signals, all_openings = OPENED_SIGNALS[opening], list(LOOP_OPENINGS)
     here = [all_openings.index(signal) for signal in signals]
-    others = [index for index in range(len(all_openings)) if index not in here]
+    closed_openings = [index for index in range(len(all_openings)) if index not in here]
     # close the other openings: their injected signal is the returned one
-    closing = np.linalg.inv(np.eye(len(others)) - D[np.ix_(others, others)])
-    through, direct = B[:, others] @ closing, D[here][:, others] @ closing
+    closing = np.linalg.inv(np.eye(len(closed_openings)) - D[np.ix_(closed_openings, closed_openings)])
+    through, direct = B[:, closed_openings] @ closing, D[here][:, closed_openings] @ closing
     matrices = (
-        A + through @ C[others],
-        B[:, here] + through @ D[others][:, here],
-        -(C[here] + direct @ C[others]),
-        -(D[here][:, here] + direct @ D[others][:, here]),
+        A + through @ C[closed_openings],
+        B[:, here] + through @ D[closed_openings][:, here],
+        -(C[here] + direct @ C[closed_openings]),
+        -(D[here][:, here] + direct @ D[closed_openings][:, here]),
     )
     inputs, outputs = ([f"{signal}_{end}" for signal in signals] for end in ("in", "out"))
     unit = point.loop.quantities[LOOP_OPENINGS[signals[0]]].unit
@@ -240,14 +240,14 @@ def _named(
 ) -> LinearSystem:
     """A named linear system of some of the closed loop's states."""
     every = state_names(point)
-    chosen = [every[index] for index in states]
+    names_and_units = [every[index] for index in states]
     return LinearSystem(
         *matrices,
         dt=point.experiment.simulation.sample_time,
-        states=tuple(name for name, _ in chosen),
+        states=tuple(name for name, _ in names_and_units),
         inputs=tuple(inputs),
         outputs=tuple(outputs),
-        units={**units, **dict(chosen)},
+        units={**units, **dict(names_and_units)},
         operating_point={
             **point.row,
             "preload": point.experiment.controller.limits.preload,
@@ -261,22 +261,24 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 
     A state that nothing moves, such as an integral without a gain, keeps its value at the operating point.
     """
-    kept = np.flatnonzero(states_that_matter(system.A[None], system.B[None], system.C[None])[0])
-    states = tuple(system.states[index] for index in kept)
+    state_indices = np.flatnonzero(states_that_matter(system.A[None], system.B[None], system.C[None])[0])
+    states = tuple(system.states[index] for index in state_indices)
     idle = set(system.states) - set(states)
     units = {name: unit for name, unit in system.units.items() if name not in idle - {*system.inputs, *system.outputs}}
-    A, B, C = system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept]
+    A, B, C = system.A[np.ix_(state_indices, state_indices)], system.B[state_indices], system.C[:, state_indices]
     return replace(system, A=A, B=B, C=C, states=states, units=units)
 
 
 def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     """Short name and unit of each state of the closed loop."""
-    known = describe_parts(initial_loop_state(structure_of(point.experiment)))
-    found = []
+    descriptions = describe_parts(initial_loop_state(structure_of(point.experiment)))
+    names_and_units = []
     for state, name in zip(point.loop.states, _short_names(point.loop.states), strict=True):
         torque = state.startswith("queue.")
-        found.append((name, "N m" if torque else known[state].quantity.unit if state in known else "1"))
-    return found
+        names_and_units.append(
+            (name, "N m" if torque else descriptions[state].quantity.unit if state in descriptions else "1")
+        )
+    return names_and_units
 
 
 def learns(experiment: Experiment) -> bool:

@@ -136,26 +136,26 @@ def loop_operating_point(
     structure = with_taut_ropes(structure_of(calm))
     loop = closed_loop(structure)
     parameters = loop.vector(parameters_of(calm, nominal and still_plant(nominal)))
-    found = loop_operating_points(structure, parameters[None], np.array([x]), np.array([v]), compiled=False)
+    motion = loop_operating_points(structure, parameters[None], np.array([x]), np.array([v]), compiled=False)
     kind = calm.controller.law.kind
-    if not found.repeats[0]:
+    if not motion.repeats[0]:
         raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains reaches no steady motion")
-    if not force_stays(structure, found):
+    if not force_stays(structure, motion):
         raise ConfigurationError(
             f"v = {v:g}: '{kind}' with these gains reaches no steady motion: its force command changes within "
             f"{LASTING} samples; does a state of law or estimator that moves with the vehicle lack Mark.POSITION?"
         )
-    if not found.steady[0]:
-        command, _, *pulls = found.facts[0].tolist()
+    if not motion.steady[0]:
+        command, _, *pulls = motion.facts[0].tolist()
         raise ConfigurationError(
             f"v = {v:g}: steady motion of '{kind}' is beyond its limits: force command {command:.4g} N, "
             f"tensions {pulls[0]:.4g} and {pulls[1]:.4g} N"
         )
-    state, outside = found.state[0], found.outside[0]
+    state, outside = motion.state[0], motion.outside[0]
     row = dict(zip(loop.columns, np.array(loop.observe(state, outside, parameters)).ravel().tolist(), strict=True))
     row |= {"x": x, "v": v}  # as given, without round-off
-    residual = float(found.residual[0])
-    return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, found.opened, found.kept)
+    residual = float(motion.residual[0])
+    return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, motion.opened, motion.kept)
 
 
 def with_taut_ropes(structure: LoopStructure) -> LoopStructure:

@@ -45,9 +45,9 @@ def sensor_remarks(experiment: Experiment) -> list[str]:
         remarks.append(words + off + advice)
     rate, key = values["sensors.position_rate"], "controller.trust.position_rate"
     if rate != values.get(key, 0.0):
-        told = f"; {key} = {rate:g} tells it" if key in values else ""
+        hint = f"; {key} = {rate:g} tells it" if key in values else ""
         remarks.append(
-            f"sensors.position_rate = {rate:g} a second: the controller takes held readings for new ones{told}"
+            f"sensors.position_rate = {rate:g} a second: the controller takes held readings for new ones{hint}"
         )
     noisy = [f"sensors.{name}" for name in NOISES if values[f"sensors.{name}"]]
     if noisy and not values["sensors.speed_noise"]:

@@ -370,7 +370,7 @@ def _decimal_marks(columns: Sequence[Sequence[str]], stated: str) -> list[str]:
 
     Where all of these may also be thousands separators, it is the stated mark, else that of the other columns.
     """
-    found = list[str]()
+    marks_found = list[str]()
     for cells in columns:
         text = "\n".join(cells)
         marks = [mark for mark in DECIMALS if mark in text] or ["."]
@@ -378,10 +378,10 @@ def _decimal_marks(columns: Sequence[Sequence[str]], stated: str) -> list[str]:
             max(marks, key=lambda each: len(re.findall(LINE.format(DECIMALS[each]), text))) if marks[1:] else marks[0]
         )
         sure = re.search(LINE.format(rf"(?!{GROUPED[mark]}[ \t]*$){DECIMALS[mark]}"), text)
-        found.append(mark if sure else f"{mark}?")
-    sure_marks = {mark for mark in found if mark in DECIMALS}
+        marks_found.append(mark if sure else f"{mark}?")
+    sure_marks = {mark for mark in marks_found if mark in DECIMALS}
     usual = stated or (sure_marks.pop() if len(sure_marks) == 1 else None)
-    return [mark if mark in DECIMALS else usual or mark[0] for mark in found]
+    return [mark if mark in DECIMALS else usual or mark[0] for mark in marks_found]
 
 
 def has_other_mark(cell: str) -> bool:

@@ -96,7 +96,7 @@ def reference_inputs(controller: Controller) -> Facts:
 
 def _setpoint(wanted: Sequence[Scalar], times: Sequence[float]) -> Previewed:
     """The setpoint made of the inputs of `reference_inputs`."""
-    points = [Setpoint(*wanted[first : first + 3]) for first in range(0, len(wanted), 3)]
+    points = [Setpoint(*wanted[start : start + 3]) for start in range(0, len(wanted), 3)]
     return Previewed(**vars(points[0]), known=dict(zip(times, points[1:], strict=True)))
 
 

@@ -45,7 +45,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     """
     problem, verdict = tuned.problem, tuned.verdict
     best, scored = verdict.best, verdict.scored
-    others = [name for name in ("start", "paper") if name in verdict.shown]
+    references = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
     lines += [
@@ -59,11 +59,11 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
     lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
-    lines += [f"{where(tuned)}{', ' * bool(others)}{' and '.join(others)} in brackets:"]
+    lines += [f"{where(tuned)}{', ' * bool(references)}{' and '.join(references)} in brackets:"]
     for name, value in scored.statistics.items():
         unit = behind_number(problem.units[name])
-        beside = ", ".join(number(verdict.statistics(other)[name]) for other in others)
-        lines.append(f"    {name} = {number(value)}{unit}" + (f" ({beside})" if others else ""))
+        beside = ", ".join(number(verdict.statistics(other)[name]) for other in references)
+        lines.append(f"    {name} = {number(value)}{unit}" + (f" ({beside})" if references else ""))
     lines += ["constraints there:"]
     lines += [
         f"    {constraint.label}: {number(scored.statistics[constraint.statistic.name])}, "

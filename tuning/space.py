@@ -154,11 +154,11 @@ class Space:
 
     def settings(self, point: Mapping[str, Value]) -> dict[str, Any]:
         """Configuration key → value, of the key's own type."""
-        whole = {
+        integers = {
             key for dimension in self.dimensions if isinstance(dimension, RatioDimension) for key in dimension.keys
         }
         values = zip(self.keys, self.parameters(point), strict=True)
-        return {key: int(value) if key in whole else value for key, value in values}
+        return {key: int(value) if key in integers else value for key, value in values}
 
     def start(self, values: Mapping[str, Any]) -> Point:
         """The point of an experiment, from its values by key; it may lie outside the bounds."""
@@ -182,13 +182,13 @@ class Space:
 
     def difference(self, other: "Space") -> str:
         """Differences from another space, in words; empty if there are none."""
-        ours, theirs = ({d.name: d.allowed for d in space.dimensions} for space in (self, other))
-        words = [f"{name} only here" for name in ours if name not in theirs]
-        words += [f"{name} only there" for name in theirs if name not in ours]
+        here, there = ({d.name: d.allowed for d in space.dimensions} for space in (self, other))
+        words = [f"{name} only here" for name in here if name not in there]
+        words += [f"{name} only there" for name in there if name not in here]
         words += [
-            f"{name} is {ours[name]} here and {theirs[name]} there"
-            for name in ours
-            if name in theirs and ours[name] != theirs[name]
+            f"{name} is {here[name]} here and {there[name]} there"
+            for name in here
+            if name in there and here[name] != there[name]
         ]
         return "; ".join(words)
 
@@ -201,15 +201,15 @@ def own_bounds(keys: Sequence[str], tunable: Tunable, experiment: Experiment) ->
     Raises:
         ConfigurationError: the bounds follow a key that is no number of the experiment, or has no default.
     """
-    values, known = leaves(experiment), describe_parts(experiment)
+    values, descriptions = leaves(experiment), describe_parts(experiment)
     lower, upper = (
-        bound * _scale(keys[0], followed, values, known)
+        bound * _scale(keys[0], followed, values, descriptions)
         for bound, followed in zip((tunable.lower, tunable.upper), tunable.followed, strict=True)
     )
-    least, most = known[keys[0]].bounds
-    own = math.fsum(values[key] for key in keys) / len(keys)
-    holding = min(lower, own) if own > 0 or not tunable.log else lower
-    return max(holding, least), min(max(upper, own), most)
+    lowest, highest = descriptions[keys[0]].bounds
+    mean = math.fsum(values[key] for key in keys) / len(keys)
+    holding = min(lower, mean) if mean > 0 or not tunable.log else lower
+    return max(holding, lowest), min(max(upper, mean), highest)
 
 
 def _scale(gain: str, followed: str, values: Mapping[str, float], known: Mapping[str, Leaf]) -> float:
@@ -248,13 +248,13 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mappin
     gains = _Gains(experiment)
     standard = gains.standard()
     for name, entry in entries.items():  # wrong texts fail before the closed loop is built
-        if not any(known.startswith(f"{name}.") for known in standard):
+        if not any(gain_name.startswith(f"{name}.") for gain_name in standard):
             gains.keys(name)
         _check_entry(name, entry)
     effective = _effective(structure_of(experiment))
     dimensions: dict[str, Dimension] = {}
     for name, entry in (entries or {name: {} for name in gains.standard()} | dict(further or {})).items():
-        below = [known for known in gains.standard() if known.startswith(f"{name}.")]
+        below = [gain_name for gain_name in gains.standard() if gain_name.startswith(f"{name}.")]
         for gain in below or [name]:
             keys = gains.keys(gain)
             if effective.issuperset(keys):
@@ -279,14 +279,14 @@ def entry_from(text: str) -> tuple[str, Any]:
     Raises:
         ConfigurationError: it is none of these.
     """
-    name, given, rest = text.partition("=")
-    name, rest = name.strip(), rest.strip()
-    if not given:
+    name, equals, range_text = text.partition("=")
+    name, range_text = name.strip(), range_text.strip()
+    if not equals:
         return name, {}
     if "/" in name:
-        return name, [pair.strip() for pair in rest.split(",")]
-    lower, _, rest = rest.partition(":")
-    upper, _, scale = rest.partition(":")
+        return name, [pair.strip() for pair in range_text.split(",")]
+    lower, _, range_text = range_text.partition(":")
+    upper, _, scale = range_text.partition(":")
     try:
         entry: dict[str, Any] = {"lower": float(lower), "upper": float(upper)}
     except ValueError:
@@ -320,9 +320,9 @@ class _Gains:
 
     def standard(self) -> list[str]:
         """Names of the gains that are searched by default; equal gains of both winches are tied."""
-        own = [key for key, leaf in self.leaves.items() if not leaf.tied and leaf.tunable and leaf.tunable.standard]
-        alike = {name: self.leaves[keys[0]].tunable for name, keys in self.tied.items()}
-        return own + [name for name, tunable in alike.items() if tunable and tunable.standard]
+        untied = [key for key, leaf in self.leaves.items() if not leaf.tied and leaf.tunable and leaf.tunable.standard]
+        tied_gains = {name: self.leaves[keys[0]].tunable for name, keys in self.tied.items()}
+        return untied + [name for name, tunable in tied_gains.items() if tunable and tunable.standard]
 
     def keys(self, name: str) -> tuple[str, ...]:
         """Configuration keys of a name.
@@ -335,8 +335,8 @@ class _Gains:
         if name in self.tied:
             return tuple(self.tied[name])
         if name not in self.leaves or not self.leaves[name].is_number:
-            known = [*(key for key, leaf in self.leaves.items() if leaf.tunable), *self.tied, *self.ratios]
-            raise ConfigurationError(f"space: {unknown('gain', name, known)}")
+            names = [*(key for key, leaf in self.leaves.items() if leaf.tunable), *self.tied, *self.ratios]
+            raise ConfigurationError(f"space: {unknown('gain', name, names)}")
         return (name,)
 
 
@@ -346,16 +346,16 @@ def _check_zero(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> No
     zeros = [key for key in keys if values.get(key) == 0 and Mark.SHAPES_CODE_AT_ZERO in gains.leaves[key].marks]
     if not zeros:
         return
-    given = {"lower": 0.0, "upper": 1.0} | _own(keys, gains.leaves[keys[0]].tunable, gains.experiment) | dict(entry)
-    lower, upper = given["lower"], given["upper"]
+    interval = {"lower": 0.0, "upper": 1.0} | _own(keys, gains.leaves[keys[0]].tunable, gains.experiment) | dict(entry)
+    lower, upper = interval["lower"], interval["upper"]
     inside = math.sqrt(lower * upper) if lower > 0 else upper / 2
     if not all(gains.leaves[key].admits(inside) for key in zeros) or inside <= 0:
         return
     try:
-        there = with_leaves(gains.experiment, dict.fromkeys(zeros, inside))
+        experiment_inside = with_leaves(gains.experiment, dict.fromkeys(zeros, inside))
     except ConfigurationError:
         return
-    if _effective(structure_of(there)).issuperset(keys):
+    if _effective(structure_of(experiment_inside)).issuperset(keys):
         settings = " ".join(f"--set {key}={inside:.3g}" for key in zeros)
         raise ConfigurationError(
             f"space: {name}: is 0 at the start, where the loop leaves it out; set it above 0 first, e.g. {settings}"
@@ -397,11 +397,11 @@ def _check_entry(name: str, entry: Any) -> None:
 def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> ContinuousDimension:
     leaf = gains.leaves[keys[0]]
     _check_entry(name, entry)
-    given = _own(keys, leaf.tunable, gains.experiment) | dict(entry)
-    if not {"lower", "upper"} <= set(given):
+    interval = _own(keys, leaf.tunable, gains.experiment) | dict(entry)
+    if not {"lower", "upper"} <= set(interval):
         raise ConfigurationError(f"space: {name}: has no bounds of its own; give them, e.g. {name}=0.1:10:log")
-    lower, upper = given["lower"], given["upper"]
-    log = bool(given.get("log", False)) and ("log" in entry or lower > 0)
+    lower, upper = interval["lower"], interval["upper"]
+    log = bool(interval.get("log", False)) and ("log" in entry or lower > 0)
     if not lower < upper:
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be < upper = {upper:g}")
     if log and lower <= 0:
@@ -445,12 +445,12 @@ def _is_ratio(choice: str) -> bool:
 
 
 def _check_overlap(dimensions: Iterable[Dimension]) -> None:
-    seen: dict[str, str] = {}
+    owners: dict[str, str] = {}
     for dimension in dimensions:
         for key in dimension.keys:
-            if key in seen:
-                raise ConfigurationError(f"space: {key} is in both {seen[key]} and {dimension.name}; keep one")
-            seen[key] = dimension.name
+            if key in owners:
+                raise ConfigurationError(f"space: {key} is in both {owners[key]} and {dimension.name}; keep one")
+            owners[key] = dimension.name
 
 
 def space_to_record(space: Space) -> list[dict[str, Any]]:

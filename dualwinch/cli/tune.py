@@ -193,8 +193,8 @@ def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str
     """The command that evaluates the best gains on the machine they were tuned for."""
     if ensemble is None:
         return f"dualwinch simulate {ExperimentOptions(config=best, plugin=given.plugin).typed}"
-    own = best if given.config or given.case or given.assignments else None
-    machine = ExperimentOptions(config=own, plugin=given.plugin).typed
+    configured = best if given.config or given.case or given.assignments else None
+    machine = ExperimentOptions(config=configured, plugin=given.plugin).typed
     return f"dualwinch compare paper {shlex.join([str(best), '--ensemble', ensemble])} {machine}".rstrip()
 
 

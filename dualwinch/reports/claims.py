@@ -86,7 +86,9 @@ def _convergence(runs: Runs) -> Iterator[Claim]:
                 "4.2",
                 f"Case {number}: the proposed controller converges faster than the PID cascade.",
                 f"W{'; '.join(here)[1:]}.",
-                verdict_of(next((own < other for own, other in times.values() if own != other), False)),
+                verdict_of(
+                    next((proposed < baseline for proposed, baseline in times.values() if proposed != baseline), False)
+                ),
             )
 
 
@@ -101,22 +103,22 @@ def _steady_errors(runs: Runs) -> Iterator[Claim]:
     if cases:
         pairs = [(runs[n, PROPOSED].metrics.steady_mae, runs[n, PID].metrics.steady_mae) for n in cases]
         words = "; ".join(
-            f"Case {number}: {1e3 * own:.3g} against {1e3 * other:.3g} mm"
-            for number, (own, other) in zip(cases, pairs, strict=True)
+            f"Case {number}: {1e3 * proposed:.3g} against {1e3 * baseline:.3g} mm"
+            for number, (proposed, baseline) in zip(cases, pairs, strict=True)
         )
         yield Claim(
             "4.2, 4.4",
             "Its steady-state error is smaller than the PID cascade's.",
             f"Mean |e|, {words}.",
-            verdict_of(*(own < other for own, other in pairs)),
+            verdict_of(*(proposed < baseline for proposed, baseline in pairs)),
         )
 
 
 def _observer_in_case_3(runs: Runs) -> Iterator[Claim]:
     if {(3, PROPOSED), (3, BASELINE)} <= runs.keys():
-        own, other = runs[3, PROPOSED], runs[3, BASELINE]
-        change = own.metrics.steady_mae / other.metrics.steady_mae - 1
-        times = converged_at(own), converged_at(other)
+        proposed, baseline = runs[3, PROPOSED], runs[3, BASELINE]
+        change = proposed.metrics.steady_mae / baseline.metrics.steady_mae - 1
+        times = converged_at(proposed), converged_at(baseline)
         yield Claim(
             "4.3",
             "Case 3: the observer makes convergence and steady-state error significantly better.",

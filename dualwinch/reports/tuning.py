@@ -220,7 +220,8 @@ def costs(tuned: TuningResult) -> list[str]:
     Of gains that lose runs or violate a bound, a lower number is not called free of cost.
     """
     verdict = tuned.verdict
-    ours, theirs, sound = verdict.scored.statistics, verdict.statistics("paper"), verdict.scored.feasible
+    tuned_statistics, paper_statistics = verdict.scored.statistics, verdict.statistics("paper")
+    sound = verdict.scored.feasible
     failed = sum(count for outcome, count in verdict.scored.outcomes.items() if outcome != "completed")
     rows = []
     if failed:
@@ -228,11 +229,11 @@ def costs(tuned: TuningResult) -> list[str]:
     elif not sound:
         rows.append("These gains violate a bound; a lower cost does not make up for that.")
     for name, words in COSTS.items():
-        if ours.get(name, 0) > 0 and theirs.get(name, 0) > 0:
-            ratio = ours[name] / theirs[name]
+        if tuned_statistics.get(name, 0) > 0 and paper_statistics.get(name, 0) > 0:
+            ratio = tuned_statistics[name] / paper_statistics[name]
             free = ", no cost" if ratio <= 1 and sound else ""
             rows.append(f"{words[:1].upper()}{words[1:]}: {ratio:.3g} × the paper's{free}.")
-    peak = ours.get("worst.peak_tension", math.nan)
+    peak = tuned_statistics.get("worst.peak_tension", math.nan)
     limit = float(tuned.problem.experiment.controller.limits.tension_max)
     if math.isfinite(peak):
         rows.append(f"Largest tension {peak:.0f} N; commands are limited to {limit:.0f} N.")

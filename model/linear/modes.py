@@ -212,7 +212,7 @@ def _sign_changes(along: Sequence[complex]) -> int:
     largest = max(along, key=abs)
     relative = [(way / largest).real for way in along[:-1] if abs(way) > RIGID * abs(largest)]
     relative.append((along[-1] / largest).real)
-    return sum(first * second < 0 for first, second in pairwise(relative))
+    return sum(before * after < 0 for before, after in pairwise(relative))
 
 
 def plant_prefix(states: Sequence[str]) -> str | None:

@@ -256,9 +256,9 @@ def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: fl
         before, now = deviation[k - 1 : k + 1]
 
         def force(after: float, k: int = k, before: float = before, now: float = now) -> float:
-            moved = outside[:, k].copy()
-            moved[1:4] += now, (after - before) / (2 * step), (after - 2 * now + before) / step**2
-            return float(law(moved, parameters))
+            column = outside[:, k].copy()
+            column[1:4] += now, (after - before) / (2 * step), (after - 2 * now + before) / step**2
+            return float(law(column, parameters))
 
         after = now * (1 - rate * step)
         demand = force(after)
@@ -330,8 +330,8 @@ def least_errors(experiments: Sequence[Experiment], progress: Progress = no_prog
         blind = least_mse(experiment)
         errors.append((blind, least_mse(experiment, anticipating=True) if blind != 0 else 0.0))
         progress(count / len(experiments))
-    without, given = np.array(errors, float).reshape(-1, 2).T
-    return LeastErrors(without, given)
+    blind_errors, with_foresight = np.array(errors, float).reshape(-1, 2).T
+    return LeastErrors(blind_errors, with_foresight)
 
 
 @GRAPHS.cached

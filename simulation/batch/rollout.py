@@ -71,11 +71,11 @@ class ParameterScenarioGrid:
         self._groups = groups = check_batch(self.names, self.values, scenarios)
         self.shared = groups[0].experiment
         drawn_keys = frozenset[str]().union(*(group.drawn for group in groups))
-        there = {key for group in groups for key, column in group.columns.items() if column.any()}
+        nonzero = {key for group in groups for key, column in group.columns.items() if column.any()}
         self.structure = structure_of(self.shared)
         if zeros is None:
             zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn_keys])
-            zeros |= absent_signals(*(group.experiment for group in groups), varying=there)
+            zeros |= absent_signals(*(group.experiment for group in groups), varying=nonzero)
         self.zeros = zeros
         self.loop = closed_loop(self.structure, self.zeros)
         self.columns = [self.loop.parameters.index(name) for name in names]
@@ -114,8 +114,8 @@ class ParameterScenarioGrid:
         sets, scenarios = self.shape
         together = max(1, size // sets)
         for scene in range(0, scenarios, together):
-            for first in range(0, sets, size):
-                yield np.arange(first, min(first + size, sets)), np.arange(scene, min(scene + together, scenarios))
+            for start in range(0, sets, size):
+                yield np.arange(start, min(start + size, sets)), np.arange(scene, min(scene + together, scenarios))
 
     def part(
         self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
@@ -136,15 +136,15 @@ class ParameterScenarioGrid:
 
     def sources(self, scenarios: Iterable[int]) -> list[Signals]:
         """Exogenous signals of some scenarios, drawn while these run; one object per scenario."""
-        chosen = np.array(list(scenarios))
-        made: dict[int, Signals] = {}
-        for number in set(self._at[chosen, 0].tolist()):
+        numbers = np.array(list(scenarios))
+        sources_by_member: dict[int, Signals] = {}
+        for number in set(self._at[numbers, 0].tolist()):
             group = self._groups[number]
-            members = np.unique(self._at[chosen[self._at[chosen, 0] == number], 1])
+            members = np.unique(self._at[numbers[self._at[numbers, 0] == number], 1])
             columns = {key: column[members] for key, column in group.columns.items()}
             sources = exogenous_sources(group.experiment, columns, len(members))
-            made |= zip(group.members[members].tolist(), sources, strict=True)
-        return [made[j] for j in chosen.tolist()]
+            sources_by_member |= zip(group.members[members].tolist(), sources, strict=True)
+        return [sources_by_member[j] for j in numbers.tolist()]
 
     def experiment(self, j: int) -> Experiment:
         """The experiment of a scenario."""
@@ -254,9 +254,9 @@ def run_grid(
         ConfigurationError: the values of an experiment are inconsistent.
         DualwinchError: no compiler or no usable cache folder.
     """
-    given = experiments.ravel().tolist()
-    found = _batch([], np.empty((1, 0)), given, 0, None, workers, progress, alike=False)
-    return found.take(0, axis=0).reshape(experiments.shape)
+    flat_experiments = experiments.ravel().tolist()
+    result = _batch([], np.empty((1, 0)), flat_experiments, 0, None, workers, progress, alike=False)
+    return result.take(0, axis=0).reshape(experiments.shape)
 
 
 def _batch(
@@ -275,24 +275,26 @@ def _batch(
         (ParameterScenarioGrid(names, parameters, together), places, report)
         for places, together, report in by_structure(scenarios, progress, alike=alike)
     ]
-    found = _empty_result(parts[0][0], len(scenarios), stride)
+    result = _empty_result(parts[0][0], len(scenarios), stride)
     if isinstance(workers, Executor):
         tasks = (
             (np.ix_(sets, places[scenes]), (*pairs.part(sets, scenes), stride, max_slack))
             for pairs, places, _ in parts
             for sets, scenes in pairs.portions(portion_of(pairs.shape[0] * pairs.shape[1]))
         )
-        return replace(found, interrupted=not fill_on_workers(workers, rollout_portion, tasks, found, progress))
+        return replace(result, interrupted=not fill_on_workers(workers, rollout_portion, tasks, result, progress))
     threads = threads_of(workers)
-    whole = all(_rollout(pairs, found, places, stride, max_slack, threads, report) for pairs, places, report in parts)
-    return replace(found, interrupted=not whole)
+    is_complete = all(
+        _rollout(pairs, result, places, stride, max_slack, threads, report) for pairs, places, report in parts
+    )
+    return replace(result, interrupted=not is_complete)
 
 
 def _empty_result(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> BatchResult:
     """An empty result for all sets of a grid in a number of scenarios."""
-    shape, kept = (pairs.shape[0], scenarios), kept_rows(pairs.shared.samples, stride)
+    shape, row_count = (pairs.shape[0], scenarios), kept_rows(pairs.shared.samples, stride)
     none = not_run(shape, metric_quantities(pairs.structure.metrics))
-    columns = {name: np.full((*shape, kept), np.nan) for name in pairs.loop.columns} if stride else {}
+    columns = {name: np.full((*shape, row_count), np.nan) for name in pairs.loop.columns} if stride else {}
     return BatchResult(none.outcomes, none.end_times, none.metrics, columns)
 
 
@@ -307,7 +309,7 @@ def fill_on_workers(
 
     Each task consists of the indices of a portion in the result and the arguments of `work`.
     """
-    places, done = list[tuple[NDArray[np.int64], ...]](), 0
+    places, run_count = list[tuple[NDArray[np.int64], ...]](), 0
 
     def arguments() -> Iterator[tuple[Any, ...]]:
         for place, given in tasks:
@@ -317,8 +319,8 @@ def fill_on_workers(
     try:
         for number, portion in spread(executor, work, arguments()):
             found.put(places[number], portion)
-            done += portion.outcomes.size
-            progress(done / found.outcomes.size)
+            run_count += portion.outcomes.size
+            progress(run_count / found.outcomes.size)
     except KeyboardInterrupt:
         return False
     return True
@@ -334,9 +336,9 @@ def rollout_portion(
 ) -> BatchResult:
     """Run a part of a grid on one thread of a worker; arguments as in `rollout` and `ParameterScenarioGrid`."""
     pairs = ParameterScenarioGrid(names, parameters, scenarios, zeros)
-    found = _empty_result(pairs, len(scenarios), stride)
-    _rollout(pairs, found, np.arange(len(scenarios)), stride, max_slack, 1, no_progress)
-    return found
+    result = _empty_result(pairs, len(scenarios), stride)
+    _rollout(pairs, result, np.arange(len(scenarios)), stride, max_slack, 1, no_progress)
+    return result
 
 
 def _rollout(
@@ -351,7 +353,7 @@ def _rollout(
     """Run the pairs of a structure and fill in their results; False if interrupted."""
     loop, samples, simulation = pairs.loop, pairs.shared.samples, pairs.shared.simulation
     slack = loop.states.index("metrics.slack")
-    most = np.inf if max_slack is None else max_slack * samples
+    slack_limit = np.inf if max_slack is None else max_slack * samples
     compiled = simulation.engine == "compiled"
     run = compile_batch(loop, rows=stride > 0) if compiled else partial(_single_run, engine_of(loop, simulation.engine))
     kept_states = final_states(pairs.structure.metrics)
@@ -365,16 +367,16 @@ def _rollout(
         numbers = filled[:, 1].tolist()
         state = pairs.starts(vectors, numbers)
         signals: list[Any] = [*pairs.sources(numbers)] if compiled else [*map(pairs.signals, numbers)]
-        outcome, done, rows = run(vectors, signals, state, samples, stride, watched=slack, most=most)
+        outcome, samples_run, rows = run(vectors, signals, state, samples, stride, watched=slack, most=slack_limit)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
         final[:, sets, scenes] = state[busy, summed].T
         at = sets, places[scenes]
         for index, name in enumerate(found.columns):
             found.columns[name][at] = rows[busy, :, index]
-        found.end_times[at] = done[busy] * simulation.sample_time
+        found.end_times[at] = samples_run[busy] * simulation.sample_time
         found.outcomes[at] = words_of(outcome[busy])
 
-    blocks = [pairs.indices[first : first + lanes] for first in range(0, len(pairs.indices), lanes)]
+    blocks = [pairs.indices[start : start + lanes] for start in range(0, len(pairs.indices), lanes)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
     completed = found.completed[:, places]
     metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=completed, own=pairs.metrics)
@@ -401,16 +403,16 @@ def _single_run(
     """One run by another engine, with the interface of a compiled block of one lane (`codegen.drivers.batch.Batch`)."""
     step = max(stride, 1)
     length = samples if np.isinf(most) else step * -(-LOOK_EVERY // step)
-    outcome, done, kept = Outcome.COMPLETED, 0, []
-    while done < samples and outcome == Outcome.COMPLETED:
-        outcome, stepped, rows = run(parameters[0], signals[0][done : done + length], state[0], stride)
-        done += stepped
-        kept.append(rows)
-        if outcome == Outcome.COMPLETED and done < samples and state[0, watched] > most:
+    outcome, samples_run, pieces = Outcome.COMPLETED, 0, []
+    while samples_run < samples and outcome == Outcome.COMPLETED:
+        outcome, stepped, rows = run(parameters[0], signals[0][samples_run : samples_run + length], state[0], stride)
+        samples_run += stepped
+        pieces.append(rows)
+        if outcome == Outcome.COMPLETED and samples_run < samples and state[0, watched] > most:
             outcome = Outcome.GIVEN_UP
-    rows = np.full((kept_rows(samples, stride), kept[0].shape[1]), np.nan)
-    rows[: sum(map(len, kept))] = np.concatenate(kept)
-    return np.array([outcome]), np.array([done]), rows[np.newaxis]
+    rows = np.full((kept_rows(samples, stride), pieces[0].shape[1]), np.nan)
+    rows[: sum(map(len, pieces))] = np.concatenate(pieces)
+    return np.array([outcome]), np.array([samples_run]), rows[np.newaxis]
 
 
 BLOCKS = 2

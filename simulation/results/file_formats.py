@@ -75,8 +75,8 @@ def number(value: Any) -> float:
 
 def about(quantity: Quantity) -> dict[str, str]:
     """The non-empty texts of a quantity."""
-    given = {"unit": quantity.unit, "meaning": quantity.meaning, "source": quantity.source}
-    return {name: text for name, text in given.items() if text or name != "source"}
+    texts = {"unit": quantity.unit, "meaning": quantity.meaning, "source": quantity.source}
+    return {name: text for name, text in texts.items() if text or name != "source"}
 
 
 CSV_OURS = "dualwinch:"
@@ -188,15 +188,15 @@ def _read_matlab(path: Path) -> FileContent:
     from scipy.io.matlab import MatReadError
 
     try:
-        found = loadmat(path, simplify_cells=True)
+        fields = loadmat(path, simplify_cells=True)
     except MatReadError as error:
         raise ValueError(error) from error
-    described = json.loads(found["columns"])
+    described = json.loads(fields["columns"])
     names = {variable: texts.pop("name") for variable, texts in described.items()}
     return FileContent(
-        columns={name: np.array(found[variable], float).ravel() for variable, name in names.items()},
+        columns={name: np.array(fields[variable], float).ravel() for variable, name in names.items()},
         quantities={names[variable]: Quantity(**texts) for variable, texts in described.items()},
-        facts={key: value for key, value in found.items() if key not in names and not key.startswith("__")},
+        facts={key: value for key, value in fields.items() if key not in names and not key.startswith("__")},
     )
 
 
@@ -317,10 +317,10 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
                 "register it, dw.register(YourClass), or give an experiment that has it, as load_result(path, base)"
             )
     experiment = with_leaves(base, values)
-    known = leaves(experiment)
+    values_of_experiment = leaves(experiment)
     for key in values:
-        if key not in known:
-            raise ConfigurationError(unknown("key", key, known))
+        if key not in values_of_experiment:
+            raise ConfigurationError(unknown("key", key, values_of_experiment))
     return experiment
 
 
@@ -407,8 +407,8 @@ def _facts(result: Result) -> dict[str, Any]:
 def _result_of(content: FileContent, base: Experiment) -> Result:
     lengths = {name: len(values) for name, values in content.columns.items()}
     if len(set(lengths.values())) > 1:
-        (first, rows), *others = lengths.items()
-        odd, count = next((name, count) for name, count in others if count != rows)
+        (first, rows), *further_lengths = lengths.items()
+        odd, count = next((name, count) for name, count in further_lengths if count != rows)
         raise ConfigurationError(f"column '{odd}' has {count} rows: must have {rows}, as '{first}'")
     facts = {key: content.facts[key] for key in ("end_time", "metrics", "final_state", "experiment")}
     facts |= {"nominal": content.facts.get("nominal")}

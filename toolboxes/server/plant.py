@@ -240,11 +240,11 @@ class ServedPlant:
             allowed = " and ".join(f"±{limit:g}" for limit in self._largest)
             raise ConfigurationError(f"safe = {self.safe[0]:g}, {self.safe[1]:g}: must be within {allowed} N m")
         cruise = references.cruise_speed(experiment.reference)
-        least, most = (
+        low, high = (
             physics.holding_torques(2 * pull, experiment.plant) for pull in (limits.tension_min, limits.tension_max)
         )
-        self._least, self._most = ((float(ends.tau_1), float(ends.tau_2)) for ends in (least, most))
-        slopes = [(most - hold) / cruise for most, hold in zip(self._most, self.safe, strict=True)]
+        self._least, self._most = ((float(ends.tau_1), float(ends.tau_2)) for ends in (low, high))
+        slopes = [(high - hold) / cruise for high, hold in zip(self._most, self.safe, strict=True)]
         self._brake = (-slopes[0], slopes[1]) if self.settings.brake else (0.0, 0.0)
         self.inputs, self.outputs = self._described()
         self._socket = _bound(host, port)

@@ -112,8 +112,8 @@ class SampleCertificate:
         if not self.draws:
             runs = f"Not certified: examined on {_count(self.machines, 'fresh machine')} alone"
         else:
-            seen = f"{self.violations or 'no'} violation{'s' * (self.violations != 1)} in {self.draws} fresh draws"
-            evidence = f"{100 * self.confidence:g} % confidence: {seen}"
+            count = f"{self.violations or 'no'} violation{'s' * (self.violations != 1)} in {self.draws} fresh draws"
+            evidence = f"{100 * self.confidence:g} % confidence: {count}"
             bound = max(self.violation, self.supported)
             verb = "Certified" if self.satisfied else "Not certified"
             runs = (

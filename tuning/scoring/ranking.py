@@ -125,11 +125,11 @@ def improves_on(evaluation: Evaluation, start: Evaluation, constraints: Sequence
     It does if it is feasible and the start is not; if an objective is smaller and its violation is not larger; or if it
     violates bounds on the worst case in fewer scenarios, and bounds on means and stability margins no more.
     """
-    smaller = any(ours < theirs for ours, theirs in zip(evaluation.costs, start.costs, strict=True))
+    smaller = any(cost < before for cost, before in zip(evaluation.costs, start.costs, strict=True))
     if evaluation.feasible and not start.feasible:
         return True
-    ours, theirs = (each.violation_of(constraints, "mean", "margin") for each in (evaluation, start))
-    if evaluation.violated < start.violated and ours <= theirs:
+    violation, start_violation = (each.violation_of(constraints, "mean", "margin") for each in (evaluation, start))
+    if evaluation.violated < start.violated and violation <= start_violation:
         return not evaluation.pruned
     return smaller and not evaluation.pruned and evaluation.violation <= start.violation
 
@@ -138,18 +138,18 @@ def pareto_front(evaluations: Sequence[Evaluation]) -> list[int]:
     """Indices of the non-dominated feasible evaluations, in order of the objectives."""
     feasible = [index for index, evaluation in enumerate(evaluations) if evaluation.feasible]
     values = np.array([evaluations[index].costs for index in feasible])
-    kept = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
-    return sorted(kept, key=lambda index: evaluations[index].objectives)
+    front = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
+    return sorted(front, key=lambda index: evaluations[index].objectives)
 
 
 def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
     """Indices of the non-dominated of some points (points,), the Pareto front, in order of cost."""
-    kept: list[int] = []
+    front: list[int] = []
     across, heights = np.asarray(costs), np.asarray(errors)
     for index in np.lexsort((heights, across)).tolist():
-        if not kept or heights[index] < heights[kept[-1]]:
-            kept.append(index)
-    return kept
+        if not front or heights[index] < heights[front[-1]]:
+            front.append(index)
+    return front
 
 
 def _dominated(row: np.ndarray, others: np.ndarray) -> bool:
@@ -162,10 +162,10 @@ def _front_numbers(evaluations: Sequence[Evaluation]) -> list[int]:
     if not evaluations or len(evaluations[0].objectives) == 1:
         return numbers
     values = np.array([evaluation.costs for evaluation in evaluations])
-    left, number = np.arange(len(values)), 0
-    while len(left):
-        dominated = np.array([_dominated(values[index], values[left]) for index in left])
-        for index in left[~dominated]:
+    remaining, number = np.arange(len(values)), 0
+    while len(remaining):
+        dominated = np.array([_dominated(values[index], values[remaining]) for index in remaining])
+        for index in remaining[~dominated]:
             numbers[index] = number
-        left, number = left[dominated], number + 1
+        remaining, number = remaining[dominated], number + 1
     return numbers

@@ -59,8 +59,8 @@ def worst_of(result: RunOutcomes, constraints: Sequence[Constraint]) -> NDArray[
     for constraint in constraints:
         statistic = constraint.statistic
         if isinstance(statistic, Statistic) and statistic.kind == "worst":
-            beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
-            worst = np.maximum(worst, beyond)
+            violations = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
+            worst = np.maximum(worst, violations)
     return np.where(result.outcomes == "completed", worst, np.inf)
 
 

@@ -130,8 +130,8 @@ class SelectionResult:
 
     def improvement(self, statistic: str, over: str = "paper", *, feasible: bool = False) -> float:
         """Factor by which a statistic of the best is below that of the paper's gains or of the start."""
-        ours, theirs = (self.statistics(name, feasible=feasible)[statistic] for name in ("best", over))
-        return theirs / ours if ours else np.inf
+        best_value, reference_value = (self.statistics(name, feasible=feasible)[statistic] for name in ("best", over))
+        return reference_value / best_value if best_value else np.inf
 
     def violation_interval(self, confidence: float) -> tuple[float, float]:
         """Clopper–Pearson interval of the share of scenarios in which the best violates a bound on the worst case."""

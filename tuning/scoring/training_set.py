@@ -94,10 +94,10 @@ def bounds_in(
     reference among them, and those on margins, are as in `constraints`.
     """
     return tuple(
-        asked.given(over(asked.statistic, runs[asked.reference], 0, scenarios))
-        if asked.reference in runs and isinstance(asked.statistic, Statistic)
-        else known
-        for asked, known in zip(problem.constraints, constraints, strict=True)
+        constraint.given(over(constraint.statistic, runs[constraint.reference], 0, scenarios))
+        if constraint.reference in runs and isinstance(constraint.statistic, Statistic)
+        else bound
+        for constraint, bound in zip(problem.constraints, constraints, strict=True)
     )
 
 
@@ -172,12 +172,12 @@ def _numbers(
     bounds = bounds_in(problem.constraints, problem, {"paper": paper, "start": start}, scenarios)
     machines = controlled_as(problem.paper_experiment, scenarios[:TRAINING_MACHINES])
     margins: dict[str, Any] = {}
-    for reference, experiment, drawn in (
+    for reference, experiment, is_drawn in (
         ("paper", problem.paper_experiment, machines),
         ("start", problem.experiment, scenarios[:TRAINING_MACHINES]),
     ):
         if any(bound.reference == reference for bound in bounds):
-            surveyed = survey(problem, drawn, workers, experiment)
+            surveyed = survey(problem, is_drawn, workers, experiment)
             margins[reference] = surveyed.worst([[]])[0] if surveyed else {}
     return tuple(
         bound.given(bound.statistic.of(margins[bound.reference]))
