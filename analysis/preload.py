@@ -303,7 +303,7 @@ class Preloads:
     @cached_property
     def remarks(self) -> list[str]:
         """Remarks on the scheduled run."""
-        return list(remarks(self.scheduled))
+        return remarks(self.scheduled)
 
     @property
     def over_best(self) -> dict[str, float]:

@@ -15,11 +15,14 @@ from dualwinch.analysis.margins import margins
 from dualwinch.analysis.operating_points import loop_operating_point
 from dualwinch.analysis.resonance import MARGIN_AMPLITUDES, RESONANCE, largest_gain, matched_damping, resonance_gains
 from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.linear.modes import Mode
 from dualwinch.model.plant import is_distributed
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.ensembles.streamed import EnsembleStatistics
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, start_function
 from dualwinch.simulation.prepare import prepare
@@ -216,17 +219,31 @@ MACHINE = ("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_"
 """Beginnings of the keys whose values have a usual size."""
 
 
-def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = True) -> Iterator[str]:
-    """Remarks on problems of a run's loop (`loop_remarks`), and of the run.
+def remarks(
+    result: Result | EnsembleResult | EnsembleStatistics, limits: RemarkLimits | None = None, *, loop: bool = True
+) -> list[str]:
+    """Remarks on problems of a run, or of an ensemble's, that outcomes do not show, and on its loop (`loop_remarks`).
 
     An unstable loop comes first, as the cause of everything else; advice for stable loops is then left out. The loop is
     checked if the plant is not the default one, or if the run chatters or was not completed, so that figures of merit
     say nothing; not at all (`loop` is False) if torques came from another controller than the experiment's.
+
+    Args:
+        result: of a run, or of an ensemble, whose worst scenario and mean are judged.
+        limits: of figures of merit; default: the usual ones.
+        loop: whether to check the loop.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> dw.remarks(dw.simulate(dw.case(4)))
+        []
     """
-    figures = dict(result.metrics)
-    yield from _remarks(
-        result.experiment, figures, figures, "", limits, loop=loop, completed=result.outcome == "completed"
-    )
+    instance("result", result, Result, EnsembleResult, EnsembleStatistics)
+    if not isinstance(result, Result):
+        completed = result.outcome_counts.get("completed", 0) == len(result)
+        return list(ensemble_remarks(result.ensemble.experiment, result.statistics, completed=completed))
+    figures, completed = dict(result.metrics), result.outcome == "completed"
+    return list(_remarks(result.experiment, figures, figures, "", limits, loop=loop, completed=completed))
 
 
 def ensemble_remarks(

@@ -16,6 +16,7 @@ from .analysis.margins import margins as margins
 from .analysis.operating_points import operating_point as operating_point
 from .analysis.preload import OptimalPreload as OptimalPreload
 from .analysis.preload import optimal_preload as optimal_preload
+from .analysis.remarks import remarks as remarks
 from .analysis.resonance import ResonanceGain as ResonanceGain
 from .analysis.resonance import resonance_gains as resonance_gains
 from .analysis.stability import Certificate as Certificate

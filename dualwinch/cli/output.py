@@ -243,18 +243,18 @@ def print_result(result: "Result", typed: str = "", *, json: bool, loop: bool = 
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
     metrics, simplifications = result.metrics, idealisations(result.experiment)
-    noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
+    notes = [in_full(words, typed) for words in remarks(result, loop=loop)]
     columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
     table = FigureTable("metrics", columns, [list(dict(metrics).values())], layout="columns")
     kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        facts |= {"metrics": dict(metrics), "units": table.to_record()["units"] | {"end_time": "s"}, "remarks": noted}
+        facts |= {"metrics": dict(metrics), "units": table.to_record()["units"] | {"end_time": "s"}, "remarks": notes}
         print_json({**facts, "idealisations": [asdict(one) for one in simplifications], **further})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
     print_figures([Sentence(f": {result.outcome} at {result.end_time:g} s{words}", kind), table])
-    for words in noted:
+    for words in notes:
         print_note(words)
     print_idealisations(simplifications)
 

@@ -229,7 +229,7 @@ def engine_here(engine: EngineName) -> EngineName:
 def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, json: bool) -> None:
     """Print outcomes and statistics of an ensemble, and remarks, whose commands have the options `typed`."""
     from dualwinch.analysis.idealisations import idealisations
-    from dualwinch.analysis.remarks import ensemble_remarks, in_full
+    from dualwinch.analysis.remarks import in_full, remarks
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
@@ -240,12 +240,11 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
     columns = [FigureColumn("statistic", "", words=kinds), *columns]
     table = FigureTable("statistics", columns, rows, layout="columns")
     completed = result.outcome_counts.get("completed", 0)
-    remarks = ensemble_remarks(experiment, statistics, completed=completed == len(result))
-    noted = [in_full(words, typed) for words in remarks]
+    notes = [in_full(words, typed) for words in remarks(result)]
     if json:
         facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
         facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
-        facts |= {"remarks": noted, "idealisations": [asdict(one) for one in simplifications]}
+        facts |= {"remarks": notes, "idealisations": [asdict(one) for one in simplifications]}
         print_json({**facts, "units": table.to_record()["units"], "statistics": statistics})
         return
     counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
@@ -258,6 +257,6 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
         words = f"Statistics are those of the {completed} of {len(result)} scenarios that were completed."
         figures.append(Sentence(words))
     print_figures(figures)
-    for words in noted:
+    for words in notes:
         print_note(words)
     print_idealisations(simplifications)
