@@ -1,17 +1,18 @@
-"""Large-signal stability: up to which speed error the loop of a law with odd powers is stable.
+"""Large-signal stability: in which range of speed errors the loop of a law with odd powers is stable.
 
 The slope of such a law changes with the size of the speed error: it is steep at small errors, by |e2|^(2−p/q), and
 again at large ones, by |e2|^(p/q). A loop that is stable at rest may therefore oscillate after a push, until the error
-has faded.
+has faded; one that is unstable at rest may end in a cycle too small to matter.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR, LoopByAmplitude
+from dualwinch.analysis.describing_function import AMPLITUDES, LARGEST_SPEED_ERROR, LoopByAmplitude
 from dualwinch.analysis.linear_loop import closed, fastest_growing
 from dualwinch.analysis.resonance import RULE_AMPLITUDES, THRESHOLD, ResonanceGain, largest_gain, resonance_gains
 from dualwinch.model.arguments import one_number
@@ -20,6 +21,7 @@ from dualwinch.model.linear.modes import Mode
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.style import length_unit
 
 TOLERANCE = 1e-4
 """Relative tolerance of the amplitude."""
@@ -33,6 +35,9 @@ class LargeSignalStability:
     largest: Annotated[float, Quantity("m/s", "largest amplitude examined")]
     oscillation: Annotated[str, Quantity("", "what oscillates beyond; empty if the loop is stable throughout")]
     frequency: Annotated[float, Quantity("Hz", "frequency of that oscillation; NaN if there is none")]
+    cycle: Annotated[
+        float, Quantity("m/s", "speed amplitude of the limit cycle of a loop unstable at rest; NaN if there is none")
+    ] = math.nan
 
     @property
     def throughout(self) -> bool:
@@ -45,21 +50,31 @@ class LargeSignalStability:
             return f"stable up to speed errors of {100 * self.largest:.3g} cm/s, the largest examined"
         limit = f"{self.oscillation} at {self.frequency:.3g} Hz"
         if not self.amplitude:
-            return f"unstable already at the smallest speed errors: {limit}"
+            return f"unstable already at the smallest speed errors: {limit}{self.cycle_words}"
         return f"stable up to speed errors of {100 * self.amplitude:.3g} cm/s; beyond, oscillation of {limit}"
+
+    @property
+    def cycle_words(self) -> str:
+        """Size of the limit cycle in words, as the end of a sentence; empty if there is none."""
+        if not math.isfinite(self.cycle):
+            return ""
+        unit, name = length_unit(size := self.cycle / (2 * math.pi * self.frequency))
+        return f"; it ends in a cycle of {size / unit:.2g} {name} and {1e3 * self.cycle:.2g} mm/s"
 
 
 def large_signal_stability(
     experiment: Experiment, *, nominal: Plant | None = None, largest: float = LARGEST_SPEED_ERROR
 ) -> LargeSignalStability:
-    """Largest amplitude of the speed error up to which the loop is stable, at rest at mid-track.
+    """Range of speed errors in which the loop is stable, at rest at mid-track.
 
     1. The slopes of the law's odd powers are replaced by their describing functions (`describing_function`).
-    2. Eigenvalues of the closed loop: the first of a grid of amplitudes, from 0.1 mm/s, at which a mode grows; then
+    2. Eigenvalues of the closed loop: the first of a grid of amplitudes, from 0.1 µm/s, at which a mode grows; then
        bisection.
-    3. The same for the loop gain at the drums' resonances (`resonance`), which must be below 1: mid-track, where both
-       drums act together.
+    3. The same for the loop gain at the drums' resonances (`resonance`), from 0.1 mm/s, which must be below 1:
+       mid-track, where both drums act together.
     4. The smaller amplitude of both counts.
+    5. Of a loop with growing modes already at the smallest amplitude, the first amplitude without one: of that size is
+       its stable limit cycle (Khalil, Nonlinear Systems, 2002, Section 7.2).
 
     Beyond saturation of the force the describing functions overestimate the gain of a single sinusoid, but not that of
     an oscillation about a large speed error that the law reduces at its own pace: there s is small, and so is the
@@ -82,7 +97,8 @@ def large_signal_stability(
     smallest, largest = RULE_AMPLITUDES[0], one_number("largest", largest)
     if not smallest < largest < np.inf:
         raise ConfigurationError(f"largest = {largest:g}: must be a finite number > {smallest:g} m/s")
-    amplitudes = np.geomspace(smallest, largest, len(RULE_AMPLITUDES)).tolist()
+    of_rule = np.geomspace(smallest, largest, len(RULE_AMPLITUDES)).tolist()
+    of_poles = [*(amplitude for amplitude in AMPLITUDES if amplitude < smallest), *of_rule]
     loop = LoopByAmplitude.of(experiment, None, 0.0, "u", nominal)
 
     def worst_drum(amplitude: float) -> ResonanceGain:
@@ -91,27 +107,31 @@ def large_signal_stability(
     def growth(amplitude: float) -> Mode | None:
         return fastest_growing(closed(loop.at(amplitude)), experiment.plant)
 
-    by_rule = _first(amplitudes, lambda amplitude: worst_drum(amplitude).gain >= THRESHOLD)
-    by_poles = _first(amplitudes, lambda amplitude: growth(amplitude) is not None)
+    by_rule = _first(of_rule, lambda amplitude: worst_drum(amplitude).gain >= THRESHOLD)
+    by_poles = _first(of_poles, lambda amplitude: growth(amplitude) is not None)
     limits = [amplitude for amplitude in (by_rule, by_poles) if amplitude is not None]
     if not limits:
-        return LargeSignalStability(largest, largest, "", np.nan)
-    limit = min(limits)
-    if limit == by_rule or (mode := growth(limit)) is None:
+        return LargeSignalStability(largest, largest, "", math.nan)
+    limit, cycle = min(limits), math.nan
+    if by_poles == of_poles[0]:
+        cycle = _first(of_poles, lambda amplitude: growth(amplitude) is None) or math.nan
+    mode = growth(cycle / (1 + TOLERANCE) if math.isfinite(cycle) else limit) if limit == by_poles else None
+    if mode is None:
         drum = worst_drum(limit)
         oscillation, frequency = f"drum {drum.winch} on its rope", drum.frequency
     else:
-        oscillation, frequency = mode.label, mode.natural_frequency / (2 * np.pi)
-    return LargeSignalStability(limit if limit > smallest else 0.0, largest, oscillation, frequency)
+        oscillation, frequency = mode.label, mode.natural_frequency / (2 * math.pi)
+    amplitude = 0.0 if limit in (of_rule[0], of_poles[0]) else limit
+    return LargeSignalStability(amplitude, largest, oscillation, frequency, cycle)
 
 
-def _first(amplitudes: list[float], unstable: Callable[[float], bool]) -> float | None:
-    """The smallest amplitude at which a loop is unstable: the first of a grid, then bisection; None: at none of it."""
-    index = next((index for index, amplitude in enumerate(amplitudes) if unstable(amplitude)), None)
+def _first(amplitudes: list[float], satisfied: Callable[[float], bool]) -> float | None:
+    """The smallest amplitude that satisfies a condition: the first of a grid, then bisection; None: none of it does."""
+    index = next((index for index, amplitude in enumerate(amplitudes) if satisfied(amplitude)), None)
     if not index:
         return None if index is None else amplitudes[0]
     low, high = amplitudes[index - 1], amplitudes[index]
     while high > low * (1 + TOLERANCE):
-        middle = np.sqrt(low * high)
-        low, high = (low, middle) if unstable(middle) else (middle, high)
-    return float(high)
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if satisfied(middle) else (middle, high)
+    return high

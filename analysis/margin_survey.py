@@ -156,6 +156,10 @@ class MarginSurvey:
         """
         open_sample(self._structure, compiled=self._compiled)
 
+    def loops_at(self, places: Collection[tuple[int, int]]) -> Indices:
+        """Indices into `loops` of those at some places, each the number of an operating point and an amplitude."""
+        return np.flatnonzero([(point, amplitude) in places for _, point, amplitude in self.loops.tolist()])
+
     def worst(
         self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
     ) -> list[dict[str, WorstMargin]]:

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dualwinch.analysis.describing_function import amplitude_sweep
-from dualwinch.analysis.large_signal import large_signal_stability
+from dualwinch.analysis.large_signal import LargeSignalStability, large_signal_stability
 from dualwinch.analysis.linear_loop import fastest_growing, linear_closed_loop, loop_opened_at, without_idle_states
 from dualwinch.analysis.margins import margins
 from dualwinch.analysis.operating_points import loop_operating_point
@@ -303,7 +302,10 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
     with suppress(*NOT_COMPUTABLE):  # no steady state to linearise at
         mode = fastest_growing(linear_closed_loop(experiment, middle), experiment.plant)
     if mode is not None:
-        yield f"unstable at small amplitudes: at rest at {middle:g} m deviations {in_words(mode)} {where}"
+        yield (
+            f"unstable at small amplitudes: at rest at {middle:g} m deviations {in_words(mode)}"
+            f"{_cycle_words(experiment)} {where}"
+        )
     try:
         gains = resonance_gains(experiment, amplitudes=MARGIN_AMPLITUDES[RESONANCE])
     except NOT_COMPUTABLE:
@@ -322,14 +324,27 @@ def in_words(mode: Mode) -> str:
     return f"grow by {mode.rate.real:.3g} 1/s{frequency}, {mode.label}"
 
 
+def stability_of(experiment: Experiment) -> LargeSignalStability | None:
+    """`large_signal_stability`; ``None`` without steady motion, or if the loop is the same at all amplitudes."""
+    try:
+        return large_signal_stability(experiment)
+    except NOT_COMPUTABLE:
+        return None
+
+
+def _cycle_words(experiment: Experiment) -> str:
+    """Size of the limit cycle of a loop that is unstable at small amplitudes, and whether it matters; may be empty."""
+    stability = stability_of(experiment)
+    if stability is None:
+        return ""
+    harmless = ", less than the speed sensor's noise: harmless"
+    return f"{stability.cycle_words}{harmless if stability.cycle <= experiment.sensors.speed_noise else ''}"
+
+
 def large_signal_remarks(experiment: Experiment) -> Iterator[str]:
     """The speed error up to which the loop is stable, where it has a limit or ropes have mass (`large_signal`)."""
-    middle = experiment.plant.track.length / 2
-    try:
-        stability = large_signal_stability(experiment)
-    except NOT_COMPUTABLE:
-        return  # no steady motion, or a law without odd powers, whose loop is the same at all amplitudes
-    if not stability.throughout or is_distributed(experiment.plant):
+    stability, middle = stability_of(experiment), experiment.plant.track.length / 2
+    if stability and (not stability.throughout or is_distributed(experiment.plant)):
         yield f"{stability} (dualwinch linearise --loop open --x {middle:g})"
 
 
@@ -345,26 +360,6 @@ def _damping_advice(experiment: Experiment, winch: int) -> str:
     if here is None or here >= 0.9 * matched:
         return ""
     return f"; {key} = {here:.3g}, where {matched:.3g} matches its rope"
-
-
-def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], advice: str = "") -> Iterator[str]:
-    """Remark on amplitudes of the speed error in m/s that make a loop at mid-track unstable, by describing functions.
-
-    There is no remark on laws without odd powers of the speed error, whose loop is the same at all amplitudes, nor on
-    loops that are already unstable at small amplitudes (`loop_remarks`). The remark ends with the advice.
-    """
-    middle = experiment.plant.track.length / 2
-    try:
-        points = amplitude_sweep(experiment, middle, amplitudes=(min(amplitudes) / 1e4, *amplitudes))
-    except NOT_COMPUTABLE:
-        return
-    unstable = [f"{100 * point.amplitude:g}" for point in points if not point.margins.stable]
-    if unstable and points[0].margins.stable:
-        yield (
-            f"unstable at speed errors of {' and '.join(unstable)} cm/s, though stable at small ones: a disturbance "
-            f"or a noisy sensor may bring it there (dualwinch linearise --loop open --x {middle:g})"
-            f"{advice and f'; {advice}'}"
-        )
 
 
 def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:

@@ -55,7 +55,7 @@ RESONANCE, LARGE_SIGNAL = "resonance", "large_signal"
 """Names of its margins, the factor on the loop gain at the resonance that makes it 1: at small speed errors, and at all
 up to the largest."""
 
-MARGIN_AMPLITUDES = {RESONANCE: AMPLITUDES[:3], LARGE_SIGNAL: RULE_AMPLITUDES}
+MARGIN_AMPLITUDES = {RESONANCE: AMPLITUDES[:3], LARGE_SIGNAL: AMPLITUDES}
 """Name of a margin → amplitudes of the speed error in m/s of which it is the smallest."""
 
 THRESHOLD, OF_ONE_DRUM = 1.0, 2.0

@@ -28,7 +28,7 @@ from dualwinch.tuning.scoring import scorer
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.store import MemoryStorage
-from dualwinch.tuning.study import SearchBudget, search
+from dualwinch.tuning.study import Search, SearchBudget
 from dualwinch.tuning.tuning_problem import tuning_problem
 
 CANDIDATES, SEED = 8, 1
@@ -65,7 +65,7 @@ def row(name: str, rollouts: int) -> list[str]:
         timed(MarginSurvey, "_least") as of_margins,
     ):
         began = time.process_time()
-        search(method, proposer, MemoryStorage(), evaluator, SearchBudget(rollouts=rollouts))
+        Search(method, proposer, MemoryStorage(), evaluator).run(SearchBudget(rollouts=rollouts))
         whole = time.process_time() - began
         kernel = evaluator.rollouts / of_rollouts()
         share = of_rollouts() / whole

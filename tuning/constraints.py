@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR
 from dualwinch.analysis.margin_survey import WorstMargin
-from dualwinch.analysis.resonance import RESONANCE
+from dualwinch.analysis.resonance import LARGE_SIGNAL, MARGIN_AMPLITUDES, RESONANCE
 from dualwinch.analysis.stability import sliding_mode
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, behind_number, suggestion, unknown
@@ -32,8 +33,12 @@ MARGINS = {
     "delay_margin": ("delay", Quantity("s", "largest extra delay")),
     "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes; from 2 on any gain")),
     "resonance_margin": (RESONANCE, Quantity("1", "largest factor on the loop gain at the drums' resonance, by rule")),
+    "large_signal_margin": (
+        LARGE_SIGNAL,
+        Quantity("1", f"the same for all speed errors up to {100 * LARGEST_SPEED_ERROR:g} cm/s, as after a push"),
+    ),
 }
-"""Name of a margin → its kind (`analysis.margins.MARGIN_KINDS`, or `RESONANCE`), unit and meaning."""
+"""Name of a margin → its kind (of `analysis.margins.MARGIN_KINDS` or `resonance.MARGIN_AMPLITUDES`), unit, meaning."""
 
 MOST_PHASE = 180.0
 """Largest phase margin in degrees that a constraint may ask for."""
@@ -71,6 +76,11 @@ class MarginStatistic:
     def unit(self) -> str:
         """Unit of the margin."""
         return self.quantity.unit
+
+    @property
+    def by_rule(self) -> bool:
+        """Whether it follows from the rule for the drums' resonance, without a linearised loop."""
+        return self.margin in MARGIN_AMPLITUDES
 
     def of(self, worst: Mapping[str, WorstMargin]) -> float:
         """Its value; infinite if no such change makes the loop unstable."""
@@ -153,7 +163,8 @@ LATE_AT_REST = 1e-3
 ROBUST, ROBUST_AT_REST = (
     ("worst.disk_margin>=0.4", f"worst.delay_margin>={1e3 * delay:g}ms") for delay in (LATE, LATE_AT_REST)
 )
-DAMPED = "worst.resonance_margin>=1"
+DAMPED = "worst.large_signal_margin>=1"
+"""Where drums swing: stable for all speed errors that saturation allows, so that a push ends in no oscillation."""
 
 
 REFERENCES = ("paper", "start")
@@ -244,11 +255,11 @@ def default_constraints(
     to a quarter of the paper's. Motors with lag may bear hardly more load than with the paper's gains: a higher preload
     gains almost nothing there, and gains that rely on it fail on other machines. Where drums swing on ropes that sag,
     more load is allowed, for a preload that stiffens the ropes. Margins are bounded in an ensemble only: in a run
-    without noise they would be those of infinitely small motions. Where drums swing, they are computed at rest only,
-    the delay margin has a smaller bound, and the margin of the drums' resonance is bounded, too, if its rule applies to
-    the law (`resonance`). In an ensemble of one's own (`own`), chatter and load are bounded by multiples of those of
-    the gains that the search starts from. Where overloads are drawn, the bounds of the tensions are those of a recovery
-    (`RECOVERS`).
+    without noise they would be those of infinitely small motions. Where drums swing, they are those at small speed
+    errors, the delay margin has a smaller bound, and the drums' resonance must be damped for all speed errors up to
+    those after a push, if its rule applies to the law (`resonance`). In an ensemble of one's own (`own`), chatter and
+    load are bounded by multiples of those of the gains that the search starts from. Where overloads are drawn, the
+    bounds of the tensions are those of a recovery (`RECOVERS`).
     """
     tensions = RECOVERS if overloads else (NO_SLACK, NO_PEAK)
     robust = ROBUST_AT_REST if swinging else ROBUST
@@ -304,7 +315,7 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
         bad_end = text.strip() if _is_own(statistic) else text.strip().replace(sign, _sign(statistic))
         named = " or ".join(f"{kind}.{bad_end}" for kind in ("worst", "mean"))
         raise ConfigurationError(f"--constraint {text}: of which statistic? {named}")
-    if isinstance(statistic, MarginStatistic) and statistic.margin == RESONANCE:
+    if isinstance(statistic, MarginStatistic) and statistic.by_rule:
         sliding_mode(experiment, f"--constraint {text}: must be")
     scale = 1.0 if factor is None else _number(factor, text)
     if term in REFERENCES:

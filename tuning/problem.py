@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
-from dualwinch.analysis.resonance import RESONANCE
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
@@ -187,7 +186,7 @@ class TuningProblem:
     @property
     def bounds_loop_margins(self) -> bool:
         """Whether any margin but that of the drums' resonance, which needs no linearised loop, is bounded."""
-        return any(statistic.margin != RESONANCE for statistic in self.margins)
+        return any(not statistic.by_rule for statistic in self.margins)
 
     @property
     def margin_conditions(self) -> str:

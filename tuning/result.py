@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from dualwinch.analysis.limit_cycle import LimitCycle, limit_cycle
-from dualwinch.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
+from dualwinch.analysis.large_signal import LargeSignalStability
+from dualwinch.analysis.remarks import delay_remarks, loop_notes, stability_of
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.description import describe_parts
@@ -18,11 +18,11 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
-from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped
+from dualwinch.tuning.baseline import SWINGING, assumptions, undamped
 from dualwinch.tuning.constraints import LATE
 from dualwinch.tuning.options import TuningOptions, default_method
 from dualwinch.tuning.plots import history, short
-from dualwinch.tuning.problem import AMPLITUDES, TuningProblem
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
@@ -109,23 +109,13 @@ class TuningResult:
 
     @cached_property
     def instabilities(self) -> tuple[str, ...]:
-        """Instabilities of the best's loop on the nominal machine; also of its motion, if no margin is bounded.
-
-        The advice to bound a margin is left out where drums swing: there, it is bounded for small speed errors only.
-        """
-        remarks = [
-            f"{words}; it ends in {self.cycle.words}" if words.startswith(UNSTABLE) and self.cycle else words
-            for words in loop_remarks(self.best)
-        ]
-        if amplitudes := self._amplitudes:
-            advice = "" if swings(self.best.plant) else "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
-            remarks += amplitude_remarks(self.best, amplitudes, advice)
-        return tuple(remarks)
+        """Instabilities of the best's loop on the nominal machine; else up to which speed error it is stable."""
+        return tuple(loop_notes(self.best))
 
     @cached_property
-    def cycle(self) -> LimitCycle | None:
-        """The limit cycle of the best's loop on the nominal machine; ``None``: none was found."""
-        return limit_cycle(self.best)
+    def large_signal(self) -> LargeSignalStability | None:
+        """Range of speed errors in which the best's loop is stable on the nominal machine."""
+        return stability_of(self.best)
 
     @cached_property
     def _late(self) -> tuple[str, ...]:
@@ -136,12 +126,6 @@ class TuningResult:
         pairs = zip(self.problem.constraints, self.training.constraints, strict=True)
         texts = [asked.text for asked, given in pairs if asked.reference and given.unbounded]
         return (f"no reference run completes; without effect: {', '.join(texts)}",) if texts else ()
-
-    @property
-    def _amplitudes(self) -> tuple[float, ...]:
-        """Amplitudes in m/s at which no margin is bounded, and the loop is checked."""
-        bounded = self.problem.margin_amplitudes if self.problem.bounds_loop_margins else ()
-        return tuple(sorted({*AMPLITUDES} - {*bounded}))
 
     @cached_property
     def idle(self) -> frozenset[str]:
@@ -206,9 +190,6 @@ class TuningResult:
         )
 
 
-UNSTABLE = "unstable at small amplitudes"
-"""Beginning of the remark of `loop_remarks` on a loop that is unstable."""
-
 EDGE = 0.02
 """A gain lies at a bound within this share of its range."""
 
@@ -265,10 +246,11 @@ def headline(tuned: TuningResult) -> str:
 
 
 def instability(tuned: TuningResult) -> str:
-    """The best's first instability on the nominal machine, in a few words; empty if it is stable."""
-    words = next(iter(tuned.instabilities), "").partition(":")[0]
-    cycle = f", in {tuned.cycle.words}" if words.startswith(UNSTABLE) and tuned.cycle else ""
-    return f"the loop with these gains is {words}{cycle}" if words.startswith("unstable") else words
+    """The best's first instability on the nominal machine in a few words; empty if it is stable at small amplitudes."""
+    words, stability = next(iter(tuned.instabilities), "").partition(":")[0], tuned.large_signal
+    if words.startswith("unstable"):
+        return f"the loop with these gains is {words}{stability.cycle_words if stability else ''}"
+    return "" if words.startswith("stable") else words
 
 
 def worth(tuned: TuningResult) -> str:

@@ -11,20 +11,19 @@ from dualwinch.tuning.result import TuningCost, TuningResult
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.budget import (
     CERTIFICATE_SHARE,
+    LEAST_SEARCH,
     TIME_MORE,
     TIME_SHARE,
     SelectionBudget,
-    seconds_after_search,
-    seconds_of_search,
+    seconds_of_test,
 )
-from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import NO_PROGRESS, SEARCHING, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SCORING, SEARCHING, TuningProgress
 from dualwinch.tuning.scoring.selection import Certification, select
 from dualwinch.tuning.scoring.starts import prepare_best_start
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
-from dualwinch.tuning.study import SearchBudget, first_candidates, search
+from dualwinch.tuning.study import Search, SearchBudget, first_candidates
 
 
 def trials_of(problem: TuningProblem, trials: int | None, seconds: float | None, rollouts: int | None) -> int | None:
@@ -106,42 +105,49 @@ def tune(
     watch.compiled(build_seconds() - built)
     begun = _begin(store, evaluator, trials)
     prepared = clock.now()
-    progress, interrupted, certification = SearchStatus(), False, None
-    until, budget = None, SelectionBudget()
-    if seconds is not None:
-        left = (1 + TIME_SHARE) * seconds + TIME_MORE - reserved_seconds
-        certificate, test = _seconds_after_search(evaluator)
-        until = prepared + seconds_of_search(seconds, left, certificate + test)
-        budget = SelectionBudget(until=clock.without_compiling() + left - test)
-        watch.forecast(prepared - began, until - prepared, left)
-    reserve = round(CERTIFICATE_SHARE * rollouts) if rollouts and problem.ensemble else 0
+    certification = None if problem.ensemble is None else Certification(evaluator, watch)
+    searching = Search(method, proposer, store, evaluator, watch)
+    more = trials if trials is None or store.continued else trials - begun
+    limits, last = _limits(evaluator, more, seconds, rollouts, reserved_seconds)
     watch.phase(SEARCHING)
+    if limits.until is not None and last is not None:
+        now = clock.without_compiling()
+        watch.forecast(prepared - began, limits.until - now, last - now)
+
+    def goes_on() -> bool:
+        """Examine a leader that is due, and keep the budget of the next certificate, from half of the search on."""
+        if certification is None:
+            return True
+        keeps = certification.examine_leader(SelectionBudget(last, rollouts))
+        return keeps or limits.remaining(searching.rollouts) > 1 - LEAST_SEARCH
+
+    interrupted = False
     try:
-        more = trials if trials is None or store.continued else trials - begun
-        budget_of_search = SearchBudget(more, until, rollouts and rollouts - reserve)
-        search(method, proposer, store, evaluator, budget_of_search, watch, progress)
+        searching.run(limits, goes_on)
     except KeyboardInterrupt:
         if not keep:
             raise
         interrupted = True
     searched, tried = clock.now(), evaluator.rollouts
-    if problem.ensemble is not None:
-        if until is None:
-            budget = SelectionBudget(rollouts=round((1 + CERTIFICATE_SHARE) * (rollouts or evaluator.rollouts)))
-        certification = Certification(evaluator, store.finished())
-    verdict = select(evaluator, store.finished(), certification, budget, test_scenarios, watch)
+    watch.phase(CERTIFYING)
+    if certification:
+        total = None if seconds is not None and rollouts is None else rollouts or tried
+        _certify(certification, None if trials or interrupted else searching, store, total, last)
+    watch.phase(SCORING)
+    verdict = select(evaluator, store.finished(), certification, test_scenarios)
+    status = searching.status
     cost = TuningCost(
         rollouts=evaluator.rollouts,
         rollout_seconds=evaluator.seconds,
         preparing=prepared - began,
         searching=searched - prepared,
         judging=clock.now() - searched,
-        overhead=progress.overhead,
+        overhead=status.overhead,
         margin_seconds=evaluator.meter.margin_seconds,
         compiling=build_seconds() - built,
         judging_rollouts=evaluator.rollouts - tried,
     )
-    return TuningResult(training, method, tuple(store.finished()), verdict, progress, cost, interrupted, seconds)
+    return TuningResult(training, method, tuple(store.finished()), verdict, status, cost, interrupted, seconds)
 
 
 def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int:
@@ -156,8 +162,36 @@ def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int
     return len(candidates)
 
 
-def _seconds_after_search(evaluator: Evaluator) -> tuple[float, float]:
-    """Estimated times in s of the certificate and of the test set."""
-    problem, meter = evaluator.problem, evaluator.meter
-    draws = SampleCertificate(problem.options.violation, problem.options.confidence).draws_of_stage(0)
-    return seconds_after_search(problem.options, draws if problem.ensemble else 0, meter.pace, meter.margin_pace)
+def _certify(
+    certification: Certification, search: Search | None, store: StudyStorage, rollouts: int | None, until: float | None
+) -> None:
+    """Examine leaders after a search, which goes on between them, within its rollouts; without success, in some more.
+
+    Args:
+        certification: of the search's evaluator.
+        search: that goes on; ``None``: it does not.
+        store: of its trials.
+        rollouts: of search and certificates; ``None``: no limit.
+        until: time by `clock.without_compiling`; ``None``: no limit.
+    """
+    certification.add(store.finished())
+
+    def search_on() -> None:
+        if search:
+            search.run(SearchBudget(search.trials + certification.options.generation))
+            certification.add(store.finished())
+
+    certification.run(SelectionBudget(until, rollouts), search_on)
+    if rollouts and not certification.certified:
+        certification.run(SelectionBudget(until, round((1 + CERTIFICATE_SHARE) * rollouts)), search_on)
+
+
+def _limits(
+    evaluator: Evaluator, trials: int | None, seconds: float | None, rollouts: int | None, reserved: float
+) -> tuple[SearchBudget, float | None]:
+    """Budget of a search, and the time by `clock.without_compiling` at which certificates end."""
+    if seconds is None:
+        return SearchBudget(trials, None, None, rollouts), None
+    now, test = clock.without_compiling(), seconds_of_test(evaluator.problem.options, evaluator.meter)
+    last = now + (1 + TIME_SHARE) * seconds + TIME_MORE - reserved - test
+    return SearchBudget(trials, now + seconds, seconds, rollouts), last

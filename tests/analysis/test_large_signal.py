@@ -7,7 +7,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.analysis.margin_survey import MarginSurvey
-from dualwinch.analysis.remarks import large_signal_remarks
+from dualwinch.analysis.remarks import large_signal_remarks, loop_remarks
 from dualwinch.analysis.resonance import LARGE_SIGNAL, RESONANCE
 from dualwinch.model.errors import ConfigurationError
 
@@ -77,3 +77,20 @@ def test_a_range_below_its_smallest_amplitude_and_other_laws_are_refused() -> No
         dw.large_signal_stability(TUNED, largest=1e-5)
     with pytest.raises(ConfigurationError, match="has no odd power"):
         dw.large_signal_stability(dw.override(dw.case(4), {"controller.kind": "adrc"}))
+
+
+def test_a_loop_that_is_stable_at_small_amplitudes_has_no_cycle() -> None:
+    assert all(np.isnan(dw.large_signal_stability(experiment).cycle) for experiment in (dw.case(4), STEEP, TUNED))
+
+
+@pytest.mark.slow
+def test_a_run_at_rest_ends_in_the_cycle_of_a_loop_that_is_unstable_there() -> None:
+    gains = {"controller.nftsm.smoothing": 1e-7, "controller.nftsm.beta": 0.5}
+    settings = gains | {"reference.kind": "way-points", "reference.points": (0.02,), "simulation.duration": 12.0}
+    experiment = dw.override(dw.case(1), settings)
+    stability = dw.large_signal_stability(experiment)
+    assert stability.amplitude == 0.0
+    (words,) = loop_remarks(experiment)
+    assert f"; it ends in a cycle of {1e6 * stability.cycle / (2 * np.pi * stability.frequency):.2g} µm" in words
+    last = np.asarray(dw.simulate(experiment)["v"])[-2000:]
+    assert np.ptp(last) / 2 == pytest.approx(stability.cycle, rel=1.0)

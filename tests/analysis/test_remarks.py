@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.analysis.describing_function import amplitude_sweep
 from dualwinch.analysis.linear_loop import linear_open_loop
 from dualwinch.analysis.margins import margins
 from dualwinch.analysis.remarks import (
     RemarkLimits,
-    amplitude_remarks,
     defaults_left,
     delay_remarks,
     ensemble_remarks,
@@ -186,15 +184,6 @@ def test_tensions_far_beyond_their_limit_are_said() -> None:
     pulled = replace(run, metrics=replace(run.metrics, peak_tension=12e3))
     assert "a rope is pulled by up to 1.2e+04 N, 2 times tension_max" in list(remarks(pulled))
     assert run.metrics.peak_tension < 9e3
-
-
-def test_a_loop_that_is_stable_at_small_amplitudes_alone_is_said() -> None:
-    """The paper's gains are stable at all of them."""
-    assert not list(amplitude_remarks(case(4), [0.01, 0.1]))
-    (said,) = amplitude_remarks(STEEP, [0.01, 0.1])
-    assert said.startswith("unstable at speed errors of 1 and 10 cm/s")
-    points = amplitude_sweep(STEEP, 25.0, amplitudes=(1e-6, 0.01, 0.1))
-    assert [point.margins.stable for point in points] == [True, False, False]
 
 
 @pytest.mark.slow

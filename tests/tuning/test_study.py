@@ -15,7 +15,7 @@ from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.opening import open_store, stored_definition
 from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
-from dualwinch.tuning.study import SearchBudget, search
+from dualwinch.tuning.study import Search, SearchBudget
 from dualwinch.tuning.tuning_problem import definition_of, problem_from
 from tests.studies import MakeProblem
 
@@ -25,7 +25,7 @@ def studied(
 ) -> list[Evaluation]:
     store = open_store(str(file), "s", problem, definition_of(problem, method), resume=resume)
     prepared = prepare(problem)
-    search(method, optimiser(method, prepared, 0), store, Evaluator(prepared), SearchBudget(trials))
+    Search(method, optimiser(method, prepared, 0), store, Evaluator(prepared)).run(SearchBudget(trials))
     found = store.finished()
     store.close()
     return found
@@ -111,7 +111,7 @@ def test_processes_join_a_study_each_with_a_budget_of_its_own(make_problem: Make
 
     def searched(store: StudyStorage, trials: int) -> SearchStatus:
         proposer = optimiser("random", prepared, problem.stream(store.stream))
-        return search("random", proposer, store, Evaluator(prepared), SearchBudget(trials))
+        return Search("random", proposer, store, Evaluator(prepared)).run(SearchBudget(trials))
 
     first, second = joined(), joined()
     assert first.stream != second.stream
@@ -137,7 +137,7 @@ def test_the_same_problem_is_read_from_the_definition(make_problem: MakeProblem)
 def test_time_is_a_budget(make_problem: MakeProblem) -> None:
     problem = make_problem(scenarios=1)
     store, prepared = MemoryStorage(), prepare(problem)
-    search("random", optimiser("random", prepared, 0), store, Evaluator(prepared), SearchBudget(until=0))
+    Search("random", optimiser("random", prepared, 0), store, Evaluator(prepared)).run(SearchBudget(until=0))
     assert store.count() == 0
 
 
@@ -153,10 +153,10 @@ def test_rollouts_are_a_budget_and_checks_count(make_problem: MakeProblem) -> No
     """The last batch has so few candidates that it goes beyond the budget by no more than its cuts and a check."""
     prepared = prepare(make_problem(scenarios=4))
     evaluator, store = Evaluator(prepared), MemoryStorage()
-    progress = search("cmaes", optimiser("cmaes", prepared, 0), store, evaluator, SearchBudget(rollouts=1000))
+    progress = Search("cmaes", optimiser("cmaes", prepared, 0), store, evaluator).run(SearchBudget(rollouts=1000))
     options = prepared.problem.options
     assert progress.spent == evaluator.rollouts
     assert progress.spent > sum(trial.scenarios for trial in store.finished())
-    assert any(trial.pruned and trial.scenarios == 2 for trial in store.finished())
+    assert any(trial.pruned and trial.scenarios == 1 for trial in store.finished())
     assert 1000 <= progress.spent < 1000 + 4 + options.cuts * options.generation + options.chunk
     assert progress.share == 1

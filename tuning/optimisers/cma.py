@@ -23,7 +23,7 @@ class CmaSearch:
 
     1. Draw a generation from a normal distribution, at first around the start.
     2. Learn mean, step size and covariance from the order of its candidates by the exact penalty function
-       (`tuning.scoring.ranking.penalised_first`), those first that were run in all scenarios.
+       (`tuning.scoring.ranking.penalised_first`), those first that were run in more scenarios.
     3. If the start ranks before the whole first generation, begin again with a quarter of the standard deviation:
        around gains made for a machine, most of a wide distribution is worse.
     4. If the strategy stops, as its distribution no longer changes or has become too narrow, begin again at the leader.
@@ -81,7 +81,7 @@ class CmaSearch:
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
         order = penalised_first(generation, self._penalty)
-        order.sort(key=lambda index: generation[index].pruned)
+        order.sort(key=lambda index: -generation[index].scenarios)
         points = [self._space.encoded(generation[index].point).clip(0, 1) for index in order]
         self._strategy.tell([(point, float(rank)) for rank, point in enumerate(points)])
         candidates = [*([self._leader] if self._leader else []), generation[order[0]]]

@@ -6,13 +6,13 @@ from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.scoring import clock
 
 CERTIFICATE_SHARE = 0.125
-"""Share of a budget of rollouts that is reserved for the certificate, 1 500 of 12 000, and that it may take besides."""
+"""Share of a budget of rollouts that certificates may take besides, where the first candidates are rejected."""
 
 TIME_SHARE, TIME_MORE = 0.3, 10.0
 """A study with a time T for its search takes at most this share of T and this time in s besides, after preparation."""
 
 LEAST_SEARCH = 0.5
-"""Least share of its time that a search keeps, however long the certificate takes."""
+"""Least share of its budget that a search keeps, however much the certificate takes."""
 
 
 @dataclass
@@ -74,34 +74,13 @@ class SelectionBudget:
         """Whether the time is over."""
         return self.until is not None and clock.without_compiling() >= self.until
 
-    def allows(self, meter: Meter, rollouts: int) -> bool:
-        """Whether a number of further rollouts is within both limits, at the pace so far."""
-        if self.until is not None:
-            return clock.without_compiling() + rollouts * meter.pace <= self.until
-        return self.rollouts is None or meter.rollouts + rollouts <= self.rollouts
+    def allows(self, meter: Meter, rollouts: int, machines: int = 0) -> bool:
+        """Whether so many rollouts more, and margins on so many machines, are within the limits at the pace so far."""
+        seconds = rollouts * meter.pace + machines * meter.margin_pace
+        in_time = self.until is None or clock.without_compiling() + seconds <= self.until
+        return in_time and (self.rollouts is None or meter.rollouts + rollouts <= self.rollouts)
 
 
-def seconds_of_search(seconds: float, left: float, after: float) -> float:
-    """Time in s of a search, of the `seconds` asked for.
-
-    Args:
-        seconds: asked for.
-        left: time in s for search, certificate and test set.
-        after: estimated time in s of certificate and test set.
-    """
-    return max(min(seconds, left - after), LEAST_SEARCH * seconds)
-
-
-def seconds_after_search(options: TuningOptions, draws: int, pace: float, margin_pace: float) -> tuple[float, float]:
-    """Estimated times in s of the certificate, with the search's last generation, and of the test set.
-
-    Args:
-        options: have the sizes.
-        draws: that the certificate of the first candidate needs.
-        pace: time in s of a rollout.
-        margin_pace: time in s of a controller's margins on a machine; 0: none is bounded.
-    """
-    last = options.generation * (options.draws + options.cuts) if draws else 0
-    certificate = pace * (draws + last) + margin_pace * options.machines
-    test = 3 * (pace * options.test + margin_pace * (1 + options.machines_checked))
-    return certificate, test
+def seconds_of_test(options: TuningOptions, meter: Meter) -> float:
+    """Estimated time in s of the test set, at the pace so far."""
+    return 3 * (meter.pace * options.test + meter.margin_pace * (1 + options.machines_checked))

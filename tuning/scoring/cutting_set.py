@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.analysis.margin_survey import WorstMargin, comparable_value
-from dualwinch.analysis.resonance import RESONANCE
+from dualwinch.analysis.resonance import MARGIN_AMPLITUDES
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.training_set import TRAINING_MACHINES, TrainingSet, survey
 
 CUTS_AT_ONCE = 3
 """Largest number of cuts by one check: the draws with the largest violations."""
+
+Place = tuple[int, int]
+"""Numbers of an operating point and an amplitude."""
 
 Loop = tuple[int, int, int]
 """Numbers of a machine, an operating point and an amplitude."""
@@ -29,8 +32,9 @@ class CuttingSet:
     Attributes:
         draws: number of a random draw → the scenario, or the experiment.
         cuts: number of a cut → its scenario.
-        back_off: label of a constraint → distance to keep from its bound, as a share of it: by how much the leader's
-            worst case in fresh draws or on fresh machines exceeded that in training.
+        back_off: label of a bound on a mean → distance to keep from it, as a share: by how much a candidate's mean in
+            fresh draws exceeded that in training. Bounds on runs and margins need none: draws and machines that violate
+            them are cuts.
         survey: of the nominal machine, the drawn ones of the training set and those of cuts; ``None``: no margin is
             bounded.
         version: number of changes of `survey`.
@@ -46,6 +50,7 @@ class CuttingSet:
         drawn = [each for each in training.scenarios[:TRAINING_MACHINES] if isinstance(each, Scenario)]
         self._machines = dict(enumerate(drawn, 1))
         self._slack: dict[int, float] = {}
+        self._violations: Mapping[int, float] = {}
         self._loops: set[Loop] = set()
 
     @property
@@ -61,27 +66,28 @@ class CuttingSet:
         self._number += len(order)
         return numbers
 
-    def drop_draws(self, violations: Mapping[int, float]) -> None:
-        """Drop the cuts with the most slack at the leader beyond the largest number of cuts."""
-        most = self._training.problem.options.cuts
-        order = sorted(self.cuts, key=lambda number: -violations.get(number, np.inf))
-        self.cuts = {number: self.cuts[number] for number in sorted(order[:most])}
+    @property
+    def by_slack(self) -> list[int]:
+        """Numbers of the cuts, those with the least slack at the last leader first."""
+        return sorted(self.cuts, key=lambda number: -self._violations.get(number, np.inf))
 
-    def learn_back_off(self, fresh: Mapping[str, float], training: Mapping[str, float], *, lower: bool) -> None:
-        """Set the back-off of violated bounds to the leader's slack in training plus its excess in fresh scenarios.
+    def drop_draws(self, violations: Mapping[int, float]) -> None:
+        """Drop the cuts with the most slack at the leader, with these violations, beyond the largest number of cuts."""
+        self._violations = violations
+        self.cuts = {
+            number: self.cuts[number] for number in sorted(self.by_slack[: self._training.problem.options.cuts])
+        }
+
+    def learn_back_off(self, fresh: Mapping[str, float], training: Mapping[str, float]) -> None:
+        """Raise the back-off of violated bounds on means to the candidate's slack in training plus its excess.
 
         Args:
             fresh: label → violation in fresh scenarios.
             training: label → violation in training, without back-off.
-            lower: whether a bound that holds in fresh scenarios may lower its back-off to the leader's, and a violated
-                one replaces it; else the back-off only rises.
         """
         for label, violation in fresh.items():
-            gap, before = max(violation - training[label], 0.0), self.back_off.get(label, 0.0)
             if violation > 0:
-                self.back_off[label] = gap if lower else max(before, gap)
-            elif lower:
-                self.back_off[label] = min(before, gap)
+                self.back_off[label] = max(self.back_off.get(label, 0.0), violation - training[label])
 
     def add_machine(self, machine: Scenario) -> None:
         """Add a machine; beyond the largest number, the one with the most slack at the last leader goes."""
@@ -114,16 +120,22 @@ class CuttingSet:
             dtype=np.intp,
         )
 
+    @property
+    def active_places(self) -> set[Place] | None:
+        """Operating points and amplitudes of the active loops, whatever their machines; ``None``: all."""
+        return {(point, amplitude) for _, point, amplitude in self._loops} or None
+
     def learn_loops(self, parameters: Sequence[float], kinds: Sequence[str]) -> dict[str, WorstMargin]:
         """The least margins of gains in all loops; the least loops become active, on new machines one of each kind."""
         surveyed = self.survey
         if surveyed is None:
             return {}
-        margins = surveyed.worst([parameters], [RESONANCE])[0] if RESONANCE in kinds else {}
+        by_rule = [kind for kind in kinds if kind in MARGIN_AMPLITUDES]
+        margins = surveyed.worst([parameters], by_rule)[0] if by_rule else {}
         (of_loops,), numbers = surveyed.of_loops([parameters], kinds), self._numbers
         machines = set(range(len(numbers))) - {numbers.index(number) for number, *_ in self._loops}
         for kind in kinds:
-            if kind == RESONANCE:
+            if kind in by_rule:
                 continue
             values = np.array([margins_of[kind].value for margins_of in of_loops])
             margins |= {kind: min((margins_of[kind] for margins_of in of_loops), key=comparable_value)}

@@ -1,33 +1,32 @@
 """Evaluate the candidates of a search in the training set and its cuts, and check the leader in fresh draws."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.batch.authority import force_demands
+from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers, threads_of
-from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import CHECKS
 from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring.cutting_set import CuttingSet
+from dualwinch.tuning.scoring.cutting_set import CuttingSet, Place
+from dualwinch.tuning.scoring.fresh_means import FreshMeans
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
-from dualwinch.tuning.scoring.rollouts import over, worst_of
+from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.scorer import Margins, Scorer
 from dualwinch.tuning.scoring.training_set import LARGEST_LAG, TrainingSet, beyond_authority_as_hard, with_authority
 from dualwinch.tuning.space import Value
 
 EXEMPT = ("paper", "start")
 """Origins of candidates that are always run in the cuts, because others are compared with them."""
-
-PARENTS = 0.5
-"""Share of a generation from whose order CMA-ES learns; these are run in all draws, others in this share of them."""
 
 
 @dataclass
@@ -39,9 +38,10 @@ class ArchiveEntry:
         evaluation: with all of its runs, and with the present back-off.
         runs: number of a draw or cut (`CuttingSet.scenarios`) → the run there; none if another process ran it.
         margins: worst stability margins so far; ``None``: not computed.
-        version: of the survey of machines in all of whose loops these are known; -1: of none.
+        version: of the survey of machines in whose active loops these are known; -1: of none.
+        surveyed: the same for all of its loops.
         passed: whether it has passed a check; then it is not checked again.
-        rejected: whether the certificate has examined it.
+        examined: whether the certificate has examined it.
     """
 
     candidate: Candidate
@@ -49,8 +49,9 @@ class ArchiveEntry:
     runs: dict[int, RunOutcomes] = field(default_factory=dict)
     margins: Margins | None = None
     version: int = -1
+    surveyed: int = -1
     passed: bool = False
-    rejected: bool = False
+    examined: bool = False
 
     @property
     def complete(self) -> bool:
@@ -74,52 +75,70 @@ def point_key(candidate: Candidate) -> PointKey:
 class Evaluator(Scorer):
     """Evaluates the candidates of a search batch by batch (steps 1 to 3 of `tuning.scoring.selection`).
 
-    1. Run all candidates of a batch in the first half of the random draws.
-    2. Run the better half, from whose order CMA-ES learns, in the other half and in the cuts, and compute its stability
-       margins in the active loops (successive halving with one rung; Jamieson and Talwalkar, AISTATS 2016).
+    1. Run all candidates of a batch in few scenarios, half of them cuts, the better half of these in twice as many, and
+       so on (successive halving; Jamieson and Talwalkar, AISTATS 2016).
+    2. Run the last two in all draws and cuts, and compute their stability margins in the active loops.
     3. Bring the leader of all candidates so far up to date with the cuts, and check it in fresh draws and on fresh
        machines while checks are below their share of the rollouts. What violates a bound becomes a cut.
 
     Attributes:
         cutting: cuts, machines and back-off.
         archive: point → candidate of the search.
-        check_rollouts: rollouts of checks.
-        further_rollouts: rollouts besides those of the evaluations that were returned: of checks and leaders.
+        validation_rollouts: rollouts of checks and certificates.
+        certified: the best certified candidate; ``None``: none so far.
     """
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
         super().__init__(training, workers)
-        self.cutting, self.check_rollouts, self.further_rollouts = CuttingSet(training), 0, 0
+        self.cutting, self.validation_rollouts = CuttingSet(training), 0
+        self.certified: ArchiveEntry | None = None
         self.archive: dict[PointKey, ArchiveEntry] = {}
         self._checked_draws = 0
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate a batch of candidates; an interrupt keeps nothing of it."""
         self.find_active_loops()
-        before, numbers = self.rollouts, list(self.cutting.draws)
-        halves = len(self.problem.objectives) == 1
+        single = len(self.problem.objectives) == 1
         entries = [ArchiveEntry(candidate, _unknown(candidate)) for candidate in candidates]
-        self._run(entries, numbers[: max(1, round(PARENTS * len(numbers)))] if halves else numbers)
-        self._examine(entries, max(1, round(PARENTS * len(entries))) if halves else len(entries))
+        self._halve(entries) if single else self._examine(entries)
         self.archive |= {point_key(entry.candidate): entry for entry in entries}
-        if self.problem.ensemble is not None and halves:
+        if self.problem.ensemble is not None and single:
             self._check()
-        evaluations = [entry.evaluation for entry in entries]
-        self.further_rollouts += self.rollouts - before - sum(evaluation.scenarios for evaluation in evaluations)
-        return evaluations
+        return [entry.evaluation for entry in entries]
 
-    def _examine(self, entries: Sequence[ArchiveEntry], count: int) -> None:
-        """Run the best of a batch in all draws and cuts, and compute their margins."""
-        order = penalised_first([entry.evaluation for entry in entries], self.problem.options.penalty)
-        better = [index for index in order if entries[index].complete][:count]
-        exempt = [index for index, entry in enumerate(entries) if entry.candidate.origin in EXEMPT]
-        examined = [entries[index] for index in sorted({*better, *exempt})]
-        self._run(examined, list(self.cutting.scenarios))
-        surveyed = [entry for entry in examined if entry.complete]
-        worst = self.margins([each.candidate for each in surveyed], self.cutting.survey, self.cutting.active)
-        for entry, margins in zip(surveyed, worst, strict=True):
-            entry.margins = margins
-        self.refresh(examined)
+    def _halve(self, entries: Sequence[ArchiveEntry]) -> None:
+        """Run a batch by successive halving: all in few scenarios, the better half in twice as many, and so on.
+
+        The last two are run in all, and so are `EXEMPT` candidates.
+        """
+        exempt = [entry for entry in entries if entry.candidate.origin in EXEMPT]
+        racing, numbers = list(entries), self._alternating()
+        halvings = max(0, int(math.log2(max(len(entries), 1))) - 1)
+        for halving in range(halvings, 0, -1):
+            self._run(racing, numbers[: max(1, len(numbers) >> halving)])
+            order = penalised_first([entry.evaluation for entry in racing], self.problem.options.penalty)
+            racing = [racing[index] for index in order if racing[index].complete][
+                : len(entries) >> (halvings + 1 - halving)
+            ]
+        self._examine([*racing, *(entry for entry in exempt if entry not in racing)])
+
+    def _alternating(self) -> list[int]:
+        """Numbers of draws and cuts in turn, the cuts with the least slack at the last leader first."""
+        draws, cuts = list(self.cutting.draws), self.cutting.by_slack
+        both = zip_longest(draws, cuts)
+        return [number for pair in both for number in pair if number is not None]
+
+    def _examine(self, entries: Sequence[ArchiveEntry]) -> None:
+        """Run candidates in all draws and cuts, and compute their margins."""
+        self._run(entries, list(self.cutting.scenarios))
+        self._survey([entry for entry in entries if entry.complete])
+        self.refresh(entries)
+
+    def _survey(self, entries: Sequence[ArchiveEntry]) -> None:
+        """Compute margins of candidates in the active loops."""
+        worst = self.margins([each.candidate for each in entries], self.cutting.survey, self.cutting.active)
+        for entry, margins in zip(entries, worst, strict=True):
+            entry.margins, entry.version = margins, self.cutting.version
 
     def _run(self, entries: Sequence[ArchiveEntry], numbers: Sequence[int]) -> None:
         """Run candidates in those of some scenarios in which they have not been run."""
@@ -154,33 +173,41 @@ class Evaluator(Scorer):
                 )
             entry.evaluation = replace(evaluation, number=number)
 
-    def _is_current(self, entry: ArchiveEntry) -> bool:
-        """Whether a candidate has been run in all cuts, and its margins are known on all machines."""
-        cutting = self.cutting
-        is_run = all(number in entry.runs for number in cutting.scenarios)
-        return is_run and (cutting.survey is None or not entry.complete or entry.version == cutting.version)
+    def _is_stale(self, entry: ArchiveEntry) -> bool:
+        """Whether there are machines on which a candidate's margins are unknown."""
+        return self.cutting.survey is not None and entry.complete and entry.version < self.cutting.version
 
     def leader(self) -> ArchiveEntry | None:
-        """The best candidate by the exact penalty that the certificate has not rejected, up to date with the cuts.
+        """The best candidate by the exact penalty that the certificate has not examined, up to date with the cuts.
 
-        The best one so far is run in the cuts that it lacks; if another is then better, that one is, and so on.
-        ``None``: there is no other candidate.
+        The best so far get margins on machines that joined after them, and the first of these is run in the cuts that
+        it lacks; if another is then better, that one is, and so on. Once a candidate is certified, only those with a
+        smaller objective count. ``None``: there is none.
         """
-        entries = [entry for entry in self.archive.values() if not entry.rejected]
+        options, cutting = self.problem.options, self.cutting
+        largest = self.certified.evaluation.costs[0] if self.certified else math.inf
+        entries = [each for each in self.archive.values() if not each.examined and each.evaluation.costs[0] <= largest]
         while entries:
-            order = penalised_first([entry.evaluation for entry in entries], self.problem.options.penalty)
+            order = penalised_first([entry.evaluation for entry in entries], options.penalty)
             entry = entries[order[0]]
-            if self._is_current(entry):
+            changed = [entry]
+            if self._is_stale(entry):
+                changed = [entries[index] for index in order if self._is_stale(entries[index])][: options.generation]
+                self._survey(changed)
+            elif any(number not in entry.runs for number in cutting.scenarios):
+                self._run(changed, list(cutting.scenarios))
+            elif cutting.survey is not None and entry.complete and entry.surveyed < cutting.version:
+                self._survey_all(entry)
+            else:
                 return entry
-            self._run([entry], list(self.cutting.scenarios))
-            self._survey_all(entry)
-            self.refresh([entry])
+            self.refresh(changed)
         return None
 
     def _survey_all(self, entry: ArchiveEntry) -> None:
         """Compute a candidate's margins in all loops of all training machines; the least ones become active loops."""
         if self.cutting.survey is not None and entry.complete:
-            entry.margins, entry.version = self._learn_loops(entry.candidate), self.cutting.version
+            entry.margins = self._learn_loops(entry.candidate)
+            entry.version = entry.surveyed = self.cutting.version
 
     def _learn_loops(self, candidate: Candidate) -> Margins:
         began, parameters = clock.now(), self.problem.space.parameters(candidate.point)
@@ -196,24 +223,28 @@ class Evaluator(Scorer):
     def _check(self) -> None:
         """Check the leader in fresh draws and on fresh machines, if there are rollouts for it."""
         options = self.problem.options
-        if self.check_rollouts + options.chunk > options.check_share * self.rollouts:
+        if not self.may_validate(options.chunk):
             return
         leader = self.leader()
         if leader is None or not leader.complete or leader.passed:
             return
         draws = self.fresh(CHECKS, self._checked_draws, options.chunk)
         self._checked_draws += options.chunk
-        below = self.machines_below(leader, draws.scenarios[: options.machines_checked], lower=True)
-        runs = self.run([leader.candidate], draws.scenarios, to_the_end=False)
-        self.check_rollouts += len(draws.scenarios)
-        constraints = [each if not asked.reference else None for asked, each in self._pairs]
-        violations = self.learn(leader, draws, runs, constraints, lower=True)
-        leader.passed = not (below or violations)
+        below = self.machines_below(leader, draws.scenarios, self.cutting.active_places)
+        runs = self.validate(leader, draws)
+        means = FreshMeans(self, 1 - options.confidence, referring=False)
+        means.add(runs, draws.scenarios)
+        violating = self.learn(leader, draws, runs, means)
+        leader.passed = not (below or violating or means.violated)
 
-    @property
-    def _pairs(self) -> list[tuple[Constraint, Constraint]]:
-        """The problem's constraints, each with the one with its bound as a number in training."""
-        return list(zip(self.problem.constraints, self.training.constraints, strict=True))
+    def may_validate(self, rollouts: int) -> bool:
+        """Whether a number of rollouts for a check or a certificate is within their share of all rollouts."""
+        return self.validation_rollouts + rollouts <= self.problem.options.check_share * self.rollouts
+
+    def validate(self, entry: ArchiveEntry, draws: "FreshDraws") -> BatchResult:
+        """Run a candidate in fresh draws, for a check or a certificate."""
+        self.validation_rollouts += len(draws.scenarios)
+        return self.run([entry.candidate], draws.scenarios, to_the_end=False)
 
     def fresh(self, stream: str, first: int, count: int) -> "FreshDraws":
         """Draws of a random stream, those beyond the motors' authority marked as hard ones."""
@@ -224,38 +255,25 @@ class Evaluator(Scorer):
         lags = np.array([demand.shortfall for demand in demands])
         return FreshDraws(beyond_authority_as_hard(draws, within), lags <= LARGEST_LAG)
 
-    def learn(
-        self,
-        entry: ArchiveEntry,
-        draws: "FreshDraws",
-        runs: RunOutcomes,
-        constraints: Sequence[Constraint | None],
-        *,
-        lower: bool,
-    ) -> int:
-        """Make cuts and back-off of the runs of a candidate, up to date with the cuts, in fresh draws.
+    def learn(self, entry: ArchiveEntry, draws: "FreshDraws", runs: RunOutcomes, means: FreshMeans) -> int:
+        """Make cuts, and back-off of bounds on means, of a candidate's runs in fresh draws.
 
         Args:
-            entry: the candidate.
+            entry: the candidate, up to date with the cuts.
             draws: in which it was run; those in which it falls far behind for lack of force are no cuts.
             runs: one row.
-            constraints: of the problem, with bounds as numbers in these draws; ``None``: not evaluated.
-            lower: as in `CuttingSet.learn_back_off`.
+            means: bounds on means in these draws.
 
         Returns:
             The number of draws, of those that may become cuts, in which it violates a bound.
         """
-        evaluated = [each for each in constraints if each is not None and each.kind != "margin"]
         indices = np.flatnonzero(draws.learnable)
         scenarios, row = [draws.scenarios[index] for index in indices], runs.take(indices, axis=1)
-        worst = worst_of(row, evaluated)[0]
+        worst = worst_of(row, self.training.constraints)[0]
         violating = np.flatnonzero(worst > 0).tolist()
-        fresh, training = dict[str, float](), dict[str, float]()
-        for (_, trained), constraint in zip(self._pairs, constraints, strict=True):
-            if constraint in evaluated and constraint is not None and isinstance(constraint.statistic, Statistic):
-                fresh[trained.label] = constraint.violation(over(constraint.statistic, row, 0, scenarios))
-                training[trained.label] = trained.violation(entry.evaluation.statistics[trained.statistic.name])
-        self.cutting.learn_back_off(fresh, training, lower=lower)
+        statistics = entry.evaluation.statistics
+        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in self._bounds_on_means}
+        self.cutting.learn_back_off(means.violations, training)
         cuts = [replace(scenarios[index], hard=True) for index in violating]
         numbers = self.cutting.add_draws(cuts, worst[violating])
         entry.runs |= {number: row.take([violating[index]], axis=1) for number, index in numbers.items()}
@@ -266,14 +284,22 @@ class Evaluator(Scorer):
         self._keep_off()
         return len(violating)
 
+    @property
+    def _bounds_on_means(self) -> list[Constraint]:
+        return [bound for bound in self.training.constraints if bound.kind == "mean"]
+
     def _keep_off(self) -> None:
         """Apply the present back-off to all candidates of the archive."""
         constraints, back_off = self.training.constraints, self.cutting.back_off
         for entry in self.archive.values():
             entry.evaluation = self.with_margins(entry.evaluation, entry.margins, constraints, back_off)
 
-    def machines_below(self, entry: ArchiveEntry, draws: Sequence[Scenario], *, lower: bool) -> int:
+    def machines_below(
+        self, entry: ArchiveEntry, draws: Sequence[Scenario], places: Collection[Place] | None = None
+    ) -> int:
         """Compute a candidate's margins on fresh machines; the worst one that violates a bound becomes a cut.
+
+        Margins are computed at some operating points and amplitudes of each machine, by default at all.
 
         Returns:
             The number of machines that violate a bound on a margin.
@@ -283,24 +309,21 @@ class Evaluator(Scorer):
             return 0
         began, parameters = clock.now(), problem.space.parameters(entry.candidate.point)
         threads, amplitudes = threads_of(self._workers), problem.margin_amplitudes
-        machines = MarginSurvey(draws, problem.space.keys, threads, amplitudes=amplitudes)
-        (margins,) = machines.each([parameters], self._kinds)
-        self.meter.count_margins(began, len(draws))
-        violations = np.array(
-            [[bound.violation(bound.statistic.of(of)) for bound in bounds] for of in margins]  # type: ignore[union-attr]
-        )
-        worst, statistics = violations.max(axis=1), entry.evaluation.statistics
-        largest = dict(zip((bound.label for bound in bounds), violations.max(axis=0).tolist(), strict=True))
-        # an unstable loop has a violation of 1, which says nothing of how far it is from a stable one; in a check, the
-        # machine as a cut is enough
-        fresh = {label: violation for label, violation in largest.items() if violation < 1}
-        training = {bound.label: bound.violation(statistics.get(bound.statistic.name, math.nan)) for bound in bounds}
-        if not lower:
-            self.cutting.learn_back_off(fresh, training, lower=False)
-        if (worst > 0).any():
-            self.cutting.add_machine(draws[int(worst.argmax())])
-        self._keep_off()
-        return int((worst > 0).sum())
+        survey = MarginSurvey(draws, problem.space.keys, threads, amplitudes=amplitudes)
+        loops = None if places is None else survey.loops_at(places)
+        (margins,) = survey.each([parameters], self._kinds, loops)
+        self.meter.count_margins(began, len(draws) if loops is None else 0)
+        violations = [
+            max(bound.violation(bound.statistic.of(of)) for bound in bounds)  # type: ignore[union-attr]
+            for of in margins
+        ]
+        numbers = np.unique(survey.loops[:, 0] if loops is None else survey.loops[loops, 0])
+        worst = int(np.argmax(violations))
+        if violations[worst] > 0:
+            self.cutting.add_machine(draws[int(numbers[worst])])
+            self._survey_all(entry)
+            self.refresh([entry])
+        return sum(violation > 0 for violation in violations)
 
 
 @dataclass(frozen=True)

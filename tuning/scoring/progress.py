@@ -31,7 +31,7 @@ class SearchStatus:
         rollout_seconds: their wall time in s.
         seconds: wall time of the search in this process, in s.
         compiling: part of it spent compiling, in s.
-        spent: rollouts of the finished trials, of all workers, and of this process's gradients.
+        spent: rollouts of this process, those of checks and certificates included.
         share: of the budget of rollouts that is spent; 0 without such a budget.
     """
 
@@ -100,7 +100,7 @@ class TuningProgress:
         )
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
-        """Report a finished batch of a search that ends at `until`, in s since the epoch, or after `trials`."""
+        """Report a finished batch of a search that ends at `until`, by `clock.without_compiling`, or after `trials`."""
         self._progress(progress.share, status=self._status(progress, until, trials))
 
     def _status(self, now: SearchStatus, until: float | None, trials: int | None) -> str:
@@ -129,7 +129,7 @@ def _left(now: SearchStatus, until: float | None, trials: int | None) -> float |
     shares = [*([now.trials / trials] if trials else []), *([now.share] if now.share else [])]
     left = [(now.seconds - now.compiling) * (1 / share - 1) for share in shares if share >= SOON]
     if until is not None:
-        left.append(until - clock.now())
+        left.append(until - clock.without_compiling())
     return max(min(left), 0.0) if left else None
 
 

@@ -19,7 +19,7 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.budget import Meter
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.rollouts import keeps_tight, over, run_pairs, worst_of
-from dualwinch.tuning.scoring.training_set import TrainingSet, bounds_in, controlled_as, survey
+from dualwinch.tuning.scoring.training_set import TrainingSet, controlled_as, survey
 
 Margins = dict[str, WorstMargin]
 """Kind of a stability margin → the worst over several machines."""
@@ -96,16 +96,10 @@ class Scorer:
         """The nominal machine and the first ones of the scenarios (`tuning.scoring.training_set.survey`)."""
         return survey(self.problem, scenarios[: self.problem.options.machines_checked], self._workers, experiment)
 
-    def bounds(self, scenarios: Sequence[Experiment | Scenario]) -> tuple[Constraint, ...]:
-        """The constraints in other scenarios; runs the paper's controller and the start there if bounds refer to it."""
-        experiments = {"paper": self.problem.paper_experiment, "start": self.problem.experiment}
-        named = {constraint.reference for constraint in self.problem.constraints}
-        runs = {
-            name: self.run(None, controlled_as(experiment, scenarios))
-            for name, experiment in experiments.items()
-            if name in named
-        }
-        return bounds_in(self.training.constraints, self.problem, runs, scenarios)
+    def reference_runs(self, name: str, scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
+        """One row of runs of the paper's controller or of the start (`constraints.REFERENCES`) in scenarios."""
+        experiment = self.problem.paper_experiment if name == "paper" else self.problem.experiment
+        return self.run(None, controlled_as(experiment, scenarios))
 
     def margins(
         self,

@@ -24,16 +24,18 @@
 Without an ensemble, the best feasible trial in the experiment is selected. Parameters: `TuningOptions`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.problem import CERTIFICATE, TEST
 from dualwinch.tuning.scoring.budget import SelectionBudget
 from dualwinch.tuning.scoring.certificate import SampleCertificate, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import ArchiveEntry, Evaluator, FreshDraws, PointKey, point_key
+from dualwinch.tuning.scoring.fresh_means import FreshMeans
 from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SCORING, TuningProgress
 from dualwinch.tuning.scoring.ranking import (
     Candidate,
@@ -43,7 +45,7 @@ from dualwinch.tuning.scoring.ranking import (
     merit,
     penalised_first,
 )
-from dualwinch.tuning.scoring.rollouts import over, worst_of
+from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.test_set import ControllerScore, SelectionResult, TestSet
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
@@ -77,28 +79,41 @@ class Examination:
         return merit(replace(evaluation, violations={**shares, **certificate.means}), self.penalty)
 
 
+def nothing() -> None:
+    """No further generation."""
+
+
 class Certification:
-    """Examines leaders of a search one after the other until one is certified (step 4).
+    """Examines leaders of a search one after the other (step 4).
 
     Attributes:
         examined: every examined candidate, in order.
-        certified: the one that passed; ``None``: none so far.
+        certified: the last that passed, with the smallest objective of these; ``None``: none so far.
     """
 
-    def __init__(self, evaluator: Evaluator, trials: Sequence[Evaluation]) -> None:
-        """Add trials that other processes evaluated, and the start, to the archive."""
-        self._evaluator = evaluator
+    def __init__(self, evaluator: Evaluator, watch: TuningProgress = NO_PROGRESS) -> None:
+        self._evaluator, self._watch = evaluator, watch
         self.examined: list[Examination] = []
         self.certified: Examination | None = None
         self._draws = 0
-        self.add(trials)
+        self._add_start()
+
+    def _add_start(self) -> None:
+        """Add the start to the archive, which may come from another process."""
+        if self._start_key not in self._evaluator.archive:
+            start = self._evaluator.start()
+            self._evaluator.archive[self._start_key] = ArchiveEntry(start.candidate, start)
 
     def add(self, trials: Sequence[Evaluation]) -> None:
         """Add finished trials to the archive, and their numbers to those that are in it."""
-        archive = self._evaluator.archive
-        for trial in [*trials, *([] if self._start_key in archive else [self._evaluator.start()])]:
-            entry = archive.setdefault(point_key(trial.candidate), ArchiveEntry(trial.candidate, trial))
+        for trial in trials:
+            entry = self._evaluator.archive.setdefault(point_key(trial.candidate), ArchiveEntry(trial.candidate, trial))
             entry.evaluation = replace(entry.evaluation, number=trial.number)
+
+    @property
+    def options(self) -> TuningOptions:
+        """Parameters of the method."""
+        return self._evaluator.problem.options
 
     @property
     def objective(self) -> Statistic:
@@ -114,77 +129,109 @@ class Certification:
         """The gains that the search started from."""
         return self._evaluator.archive[self._start_key]
 
-    def run(self, budget: SelectionBudget, watch: TuningProgress = NO_PROGRESS) -> Examination | None:
-        """Examine leaders until one is certified, the budget ends or every candidate has been rejected.
+    @property
+    def _next(self) -> SampleCertificate:
+        return SampleCertificate(self.options.violation, self.options.confidence, len(self.examined) + 1)
 
-        A first leader is examined whatever the budget.
+    def examine_leader(self, budget: SelectionBudget) -> bool:
+        """During the search, examine a leader that has passed a check, while checks and certificates keep their share.
+
+        Returns:
+            Whether the budget, of search and certificates, allows a generation more and another certificate after it.
         """
-        while not self.certified and (not self.examined or budget.allows(self._evaluator.meter, 1)):
+        if self._evaluator.may_validate(self._next.draws_of_stage(0)) and self._allowed(budget):
+            leader = self._evaluator.leader()
+            if leader and leader.passed and leader is not self.start:
+                self._examine(leader, budget)
+        return self._allowed(budget, self.options.generation)
+
+    def _allowed(self, budget: SelectionBudget, trials: int = 0) -> bool:
+        """Whether a budget allows a certificate without a violation, after a number of trials more."""
+        rollouts = self._next.draws_of_stage(0) + trials * self.options.draws
+        return budget.allows(self._evaluator.meter, rollouts, self.options.machines)
+
+    def run(self, budget: SelectionBudget, search_on: Callable[[], None] = nothing) -> Examination | None:
+        """After the search, examine leaders until one is certified, the budget ends, or no candidate is left.
+
+        A first leader is examined whatever the budget. After a rejection the search goes on for a generation at a time
+        while the budget allows another certificate after it.
+
+        Args:
+            budget: of search and certificate.
+            search_on: searches for a generation more.
+        """
+        passed = False
+        while not passed and (not self.examined or self._allowed(budget)):
             entry = self._evaluator.leader()
             if entry is None:
                 break
-            examination = self._examine(entry, budget, watch)
-            self.examined.append(examination)
-            entry.rejected = True
+            passed = self._examine(entry, budget).certificate.satisfied
             if entry is self.start:
                 break
-            if examination.certificate.satisfied:
-                self.certified = examination
+            if not passed and self._allowed(budget, self.options.generation):
+                search_on()
         return self.certified
 
-    def _examine(self, entry: ArchiveEntry, budget: SelectionBudget, watch: TuningProgress) -> Examination:
+    def _examine(self, entry: ArchiveEntry, budget: SelectionBudget) -> Examination:
         """Examine a candidate on fresh machines, then in fresh draws; what it violates becomes cuts and back-off."""
-        evaluator, options = self._evaluator, self._evaluator.problem.options
-        certificate = SampleCertificate(options.violation, options.confidence, len(self.examined) + 1)
-        which = "the start" if entry is self.start else f"candidate {certificate.candidate}"
+        certificate = self._examine_machines(entry, budget)
+        if certificate.machines_below:
+            self._draws += certificate.machines
+        else:
+            certificate = self._examine_draws(entry, certificate, budget)
+        examination = Examination(entry, certificate, self.options.penalty)
+        self.examined.append(examination)
+        entry.examined = True
+        if certificate.satisfied and entry is not self.start:
+            self.certified, self._evaluator.certified = examination, entry
+        return examination
+
+    def _which(self, entry: ArchiveEntry) -> str:
+        return "the start" if entry is self.start else f"candidate {self._next.candidate}"
+
+    def _examine_machines(self, entry: ArchiveEntry, budget: SelectionBudget) -> SampleCertificate:
+        """The first part of an examination: margins on fresh machines, at first on as many as in a check."""
+        evaluator, certificate = self._evaluator, self._next
+        options = evaluator.problem.options
         bounded = any(constraint.kind == "margin" for constraint in evaluator.training.constraints)
-        batches = [options.machines_checked, options.machines - options.machines_checked] if bounded else []
-        first = self._draws
-        for batch in batches:
-            report = watch.step(CERTIFYING, f"certifying: {which} on {options.machines} fresh machines")
+        for batch in [options.machines_checked, options.machines - options.machines_checked] if bounded else []:
+            report = self._watch.step(
+                CERTIFYING, f"certifying: {self._which(entry)} on {options.machines} fresh machines"
+            )
             report(certificate.machines / options.machines)
-            machines = evaluator.fresh(CERTIFICATE, first + certificate.machines, batch).scenarios
-            below = evaluator.machines_below(entry, machines, lower=False)
+            machines = evaluator.fresh(CERTIFICATE, self._draws + certificate.machines, batch).scenarios
+            below = evaluator.machines_below(entry, machines)
             certificate = replace(
                 certificate, machines=certificate.machines + batch, machines_below=certificate.machines_below + below
             )
             if certificate.machines_below or budget.ended():
                 break
-        if certificate.machines_below:
-            self._draws += certificate.machines
-            return Examination(entry, certificate, evaluator.problem.options.penalty)
-        return self._examine_draws(entry, certificate, which, budget, watch)
+        return certificate
 
     def _examine_draws(
-        self,
-        entry: ArchiveEntry,
-        certificate: SampleCertificate,
-        which: str,
-        budget: SelectionBudget,
-        watch: TuningProgress,
-    ) -> Examination:
+        self, entry: ArchiveEntry, certificate: SampleCertificate, budget: SelectionBudget
+    ) -> SampleCertificate:
         """The second part of an examination: fresh draws, stage by stage."""
         evaluator, chunk = self._evaluator, self._evaluator.problem.options.chunk
         stage, first = certificate.draws_of_stage(0), self._draws
-        draws, runs, constraints = FreshDraws.none(), [], evaluator.training.constraints
+        draws, runs = FreshDraws.none(), list[RunOutcomes]()
+        means = FreshMeans(evaluator, 1 - evaluator.problem.options.confidence)
         while not runs or not budget.ended():
-            report = watch.step(CERTIFYING, f"certifying: {which} in {stage} fresh draws")
+            report = self._watch.step(CERTIFYING, f"certifying: {self._which(entry)} in {stage} fresh draws")
             report(certificate.draws / stage)
             more = evaluator.fresh(CERTIFICATE, first + certificate.draws, min(chunk, stage - certificate.draws))
-            if not runs:
-                constraints = evaluator.bounds(more.scenarios)
-            result = evaluator.run([entry.candidate], more.scenarios, to_the_end=False)
+            result = evaluator.validate(entry, more)
             runs.append(result)
             draws = draws.joined(more)
-            violations = int((worst_of(result, constraints) > 0).sum())
+            evaluator.validation_rollouts += means.add(result, more.scenarios)
+            violations = int((worst_of(result, evaluator.training.constraints) > 0).sum())
             certificate = replace(
                 certificate,
                 draws=certificate.draws + len(more.scenarios),
                 violations=certificate.violations + violations,
+                means=means.violated,
             )
-            if len(runs) == 1:
-                certificate = replace(certificate, means=self._violated_means(result, more, constraints))
-            if certificate.rejected or certificate.means:
+            if certificate.rejected or means.rejected:
                 break
             if certificate.draws == stage:
                 needed = certificate.draws_of_stage(certificate.violations)
@@ -194,21 +241,10 @@ class Certification:
                 stage = needed
         self._draws += max(certificate.draws, certificate.machines)
         if runs and not certificate.satisfied:
-            evaluator.learn(entry, draws, concatenated(runs), constraints, lower=False)
-        return Examination(entry, certificate, evaluator.problem.options.penalty)
+            evaluator.learn(entry, draws, concatenated(runs), means)
+        return certificate
 
-    def _violated_means(
-        self, runs: RunOutcomes, draws: FreshDraws, constraints: Sequence[Constraint]
-    ) -> dict[str, float]:
-        """Label → violation of the bounds on means that a candidate violates in fresh draws."""
-        violations = {
-            constraint.label: constraint.violation(over(constraint.statistic, runs, 0, draws.scenarios))
-            for constraint in constraints
-            if constraint.kind == "mean" and isinstance(constraint.statistic, Statistic)
-        }
-        return {label: violation for label, violation in violations.items() if violation > 0}
-
-    def best(self, watch: TuningProgress = NO_PROGRESS) -> Examination:
+    def best(self) -> Examination:
         """The certified candidate; else of those that beat the start the one with the least supported probability.
 
         For that comparison, the start is examined as well if it has not been, in a few draws and on a few machines.
@@ -216,9 +252,7 @@ class Certification:
         if self.certified:
             return self.certified
         start = next((each for each in self.examined if each.entry is self.start), None)
-        if start is None:
-            start = self._examine(self.start, SelectionBudget(until=0.0), watch)
-            self.examined.append(start)
+        start = start or self._examine(self.start, SelectionBudget(until=0.0))
         better = [each for each in self.others if each.merit < start.merit]
         return min(better, key=lambda each: (each.certificate.supported, each.merit), default=start)
 
@@ -231,7 +265,7 @@ class Certification:
     def unexamined(self) -> int:
         """Number of candidates that were not examined and rank before the start in training."""
         start, penalty = self.start.evaluation, self._evaluator.problem.options.penalty
-        entries = [each.evaluation for each in self._evaluator.archive.values() if not each.rejected]
+        entries = [each.evaluation for each in self._evaluator.archive.values() if not each.examined]
         return sum(penalised_first([start, each], penalty)[0] == 1 for each in entries)
 
 
@@ -239,7 +273,6 @@ def select(
     evaluator: Evaluator,
     trials: Sequence[Evaluation],
     certification: Certification | None = None,
-    budget: SelectionBudget | None = None,
     test: int | None = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> SelectionResult:
@@ -248,21 +281,17 @@ def select(
     Args:
         evaluator: of the search.
         trials: of the study.
-        certification: that has been begun; default: a new one.
-        budget: of the certificate; default: unlimited.
+        certification: that has been run; ``None``: the problem has no ensemble.
         test: number of test scenarios; default: from the problem's options.
-        watch: gets both phases and their steps.
+        watch: gets the phase and its steps.
     """
-    problem, budget = evaluator.problem, budget or SelectionBudget()
-    watch.phase(CERTIFYING)
+    problem = evaluator.problem
     examination, start = None, _start(evaluator, trials)
-    if problem.ensemble is None:
+    if certification is None:
         leader = trials[feasibility_first(trials)[0]]
         chosen = leader if improves_on(leader, start, evaluator.training.constraints) else start
     else:
-        certification = certification or Certification(evaluator, trials)
-        certification.run(budget, watch)
-        examination = certification.best(watch)
+        examination = certification.best()
         chosen = start if examination.entry is certification.start else examination.entry.evaluation
     watch.phase(SCORING)
     test_set = TestSet(evaluator, test or problem.options.test, problem.stream(TEST))

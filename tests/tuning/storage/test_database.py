@@ -21,7 +21,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage import connection
 from dualwinch.tuning.storage.opening import open_store, stored_definition
-from dualwinch.tuning.study import SearchBudget, search
+from dualwinch.tuning.study import Search, SearchBudget
 from dualwinch.tuning.tuning_problem import definition_of
 from tests import postgres
 from tests.spring_law import SPRING, changed
@@ -102,7 +102,7 @@ def test_a_study_in_the_database_is_that_of_the_journal(url: str, make_problem: 
     training = prepare(problem)
     for storage in (url, str(tmp_path / "journal")):
         store = open_store(storage, "same", problem, definition_of(problem, "cmaes"), resume=False)
-        search("cmaes", optimiser("cmaes", training, 0), store, Evaluator(training), SearchBudget(40))
+        Search("cmaes", optimiser("cmaes", training, 0), store, Evaluator(training)).run(SearchBudget(40))
         studies.append(store.finished())
         store.close()
     assert len(studies[0]) == 40
