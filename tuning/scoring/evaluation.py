@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from dualwinch.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.batch.authority import force_demands
-from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario
@@ -84,13 +83,13 @@ class Evaluator(Scorer):
     Attributes:
         cutting: cuts, machines and back-off.
         archive: point → candidate of the search.
-        validation_rollouts: rollouts of checks and certificates.
+        check_rollouts: rollouts of checks.
         certified: the best certified candidate; ``None``: none so far.
     """
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
         super().__init__(training, workers)
-        self.cutting, self.validation_rollouts = CuttingSet(training), 0
+        self.cutting, self.check_rollouts = CuttingSet(training), 0
         self.certified: ArchiveEntry | None = None
         self.archive: dict[PointKey, ArchiveEntry] = {}
         self._checked_draws = 0
@@ -180,9 +179,9 @@ class Evaluator(Scorer):
     def leader(self) -> ArchiveEntry | None:
         """The best candidate by the exact penalty that the certificate has not examined, up to date with the cuts.
 
-        The best so far get margins on machines that joined after them, and the first of these is run in the cuts that
-        it lacks; if another is then better, that one is, and so on. Once a candidate is certified, only those with a
-        smaller objective count. ``None``: there is none.
+        The best so far is run in the draws and cuts that it lacks, and gets margins on machines that joined after it;
+        if another is then better, that one is, and so on. Once a candidate is certified, only those with a smaller
+        objective count. ``None``: there is none.
         """
         options, cutting = self.problem.options, self.cutting
         largest = self.certified.evaluation.costs[0] if self.certified else math.inf
@@ -191,8 +190,9 @@ class Evaluator(Scorer):
             order = penalised_first([entry.evaluation for entry in entries], options.penalty)
             entry = entries[order[0]]
             changed = [entry]
-            if self._is_stale(entry):
-                changed = [entries[index] for index in order if self._is_stale(entries[index])][: options.generation]
+            if not entry.evaluation.pruned and self._is_stale(entry):
+                whole = [entries[index] for index in order if not entries[index].evaluation.pruned]
+                changed = [each for each in whole if self._is_stale(each)][: options.generation]
                 self._survey(changed)
             elif any(number not in entry.runs for number in cutting.scenarios):
                 self._run(changed, list(cutting.scenarios))
@@ -223,7 +223,7 @@ class Evaluator(Scorer):
     def _check(self) -> None:
         """Check the leader in fresh draws and on fresh machines, if there are rollouts for it."""
         options = self.problem.options
-        if not self.may_validate(options.chunk):
+        if not self.within_share(self.check_rollouts + options.chunk):
             return
         leader = self.leader()
         if leader is None or not leader.complete or leader.passed:
@@ -231,20 +231,16 @@ class Evaluator(Scorer):
         draws = self.fresh(CHECKS, self._checked_draws, options.chunk)
         self._checked_draws += options.chunk
         below = self.machines_below(leader, draws.scenarios, self.cutting.active_places)
-        runs = self.validate(leader, draws)
+        runs = self.run([leader.candidate], draws.scenarios, to_the_end=False)
+        self.check_rollouts += len(draws.scenarios)
         means = FreshMeans(self, 1 - options.confidence, referring=False)
         means.add(runs, draws.scenarios)
         violating = self.learn(leader, draws, runs, means)
         leader.passed = not (below or violating or means.violated)
 
-    def may_validate(self, rollouts: int) -> bool:
-        """Whether a number of rollouts for a check or a certificate is within their share of all rollouts."""
-        return self.validation_rollouts + rollouts <= self.problem.options.check_share * self.rollouts
-
-    def validate(self, entry: ArchiveEntry, draws: "FreshDraws") -> BatchResult:
-        """Run a candidate in fresh draws, for a check or a certificate."""
-        self.validation_rollouts += len(draws.scenarios)
-        return self.run([entry.candidate], draws.scenarios, to_the_end=False)
+    def within_share(self, rollouts: int) -> bool:
+        """Whether so many rollouts, of checks or of certificates, are within their share of all."""
+        return rollouts <= self.problem.options.check_share * self.rollouts
 
     def fresh(self, stream: str, first: int, count: int) -> "FreshDraws":
         """Draws of a random stream, those beyond the motors' authority marked as hard ones."""

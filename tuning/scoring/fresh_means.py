@@ -48,8 +48,8 @@ class FreshMeans:
         self._runs: dict[str, list[RunOutcomes]] = {label: [] for label in self._bounds}
         self._references: dict[str, list[RunOutcomes]] = {label: [] for label in self._bounds}
 
-    def add(self, runs: RunOutcomes, scenarios: Sequence[Experiment | Scenario]) -> int:
-        """Add a candidate's runs in further draws, one row; return the number of rollouts of other controllers."""
+    def add(self, runs: RunOutcomes, scenarios: Sequence[Experiment | Scenario]) -> None:
+        """Add a candidate's runs in further draws, one row."""
         self._looks += 1
         named = {self._bounds[label].reference for label in self._open} - {""}
         references = {name: self._scorer.reference_runs(name, scenarios) for name in named}
@@ -61,7 +61,6 @@ class FreshMeans:
             if asked.reference:
                 self._references[label].append(references[asked.reference])
         self._open -= {label for label in self._open if self._settled(label)}
-        return len(named) * len(scenarios)
 
     @property
     def violations(self) -> dict[str, float]:

@@ -95,7 +95,7 @@ class Certification:
         self._evaluator, self._watch = evaluator, watch
         self.examined: list[Examination] = []
         self.certified: Examination | None = None
-        self._draws = 0
+        self._draws = self._rollouts = 0
         self._add_start()
 
     def _add_start(self) -> None:
@@ -134,12 +134,12 @@ class Certification:
         return SampleCertificate(self.options.violation, self.options.confidence, len(self.examined) + 1)
 
     def examine_leader(self, budget: SelectionBudget) -> bool:
-        """During the search, examine a leader that has passed a check, while checks and certificates keep their share.
+        """During the search, examine a leader that has passed a check, while certificates keep their share of rollouts.
 
         Returns:
             Whether the budget, of search and certificates, allows a generation more and another certificate after it.
         """
-        if self._evaluator.may_validate(self._next.draws_of_stage(0)) and self._allowed(budget):
+        if self._evaluator.within_share(self._rollouts + self._next.draws_of_stage(0)) and self._allowed(budget):
             leader = self._evaluator.leader()
             if leader and leader.passed and leader is not self.start:
                 self._examine(leader, budget)
@@ -174,11 +174,13 @@ class Certification:
 
     def _examine(self, entry: ArchiveEntry, budget: SelectionBudget) -> Examination:
         """Examine a candidate on fresh machines, then in fresh draws; what it violates becomes cuts and back-off."""
+        before = self._evaluator.rollouts
         certificate = self._examine_machines(entry, budget)
         if certificate.machines_below:
             self._draws += certificate.machines
         else:
             certificate = self._examine_draws(entry, certificate, budget)
+        self._rollouts += self._evaluator.rollouts - before
         examination = Examination(entry, certificate, self.options.penalty)
         self.examined.append(examination)
         entry.examined = True
@@ -220,10 +222,10 @@ class Certification:
             report = self._watch.step(CERTIFYING, f"certifying: {self._which(entry)} in {stage} fresh draws")
             report(certificate.draws / stage)
             more = evaluator.fresh(CERTIFICATE, first + certificate.draws, min(chunk, stage - certificate.draws))
-            result = evaluator.validate(entry, more)
+            result = evaluator.run([entry.candidate], more.scenarios, to_the_end=False)
             runs.append(result)
             draws = draws.joined(more)
-            evaluator.validation_rollouts += means.add(result, more.scenarios)
+            means.add(result, more.scenarios)
             violations = int((worst_of(result, evaluator.training.constraints) > 0).sum())
             certificate = replace(
                 certificate,

@@ -128,8 +128,8 @@ def test_checks_take_at_most_their_share_of_the_rollouts(make_problem: MakeProbl
     random = np.random.default_rng(0)
     for _ in range(12):
         evaluator.evaluate(loads(evaluator, random.uniform(800, 2400, 8).tolist()))
-        assert evaluator.validation_rollouts <= FEW.check_share * evaluator.rollouts
-    assert evaluator.validation_rollouts >= FEW.chunk
+        assert evaluator.check_rollouts <= FEW.check_share * evaluator.rollouts
+    assert evaluator.check_rollouts >= FEW.chunk
 
 
 def test_a_stopped_run_makes_no_leader(make_problem: MakeProblem) -> None:
