@@ -27,8 +27,7 @@ class TuningOptions:
         generation: candidates in a generation, one per vector lane.
         penalty: added to the logarithm of the objective for a violation of 1, a share of the bound: a violation of 2 %
             costs a factor of e.
-        check_share: largest share of the rollouts for checks of the leader in fresh draws, and as much for certificates
-            during the search.
+        check_share: largest share of the rollouts for checks of the leader in fresh draws.
         chunk: fresh draws in a check, and between two looks of the certificate.
         machines_checked: fresh machines in a check, on which stability margins are computed.
         machines: fresh machines on which a candidate must keep its margins; with 59, at most 5 % of all machines are

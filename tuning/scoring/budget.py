@@ -6,7 +6,8 @@ from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.scoring import clock
 
 CERTIFICATE_SHARE = 0.125
-"""Share of a budget of rollouts that certificates may take besides, where the first candidates are rejected."""
+"""Largest share of the rollouts for certificates during the search; and share of a budget that certificates may take
+besides, where the first candidates are rejected."""
 
 TIME_SHARE, TIME_MORE = 0.3, 10.0
 """A study with a time T for its search takes at most this share of T and this time in s besides, after preparation."""

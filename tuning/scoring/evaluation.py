@@ -223,7 +223,7 @@ class Evaluator(Scorer):
     def _check(self) -> None:
         """Check the leader in fresh draws and on fresh machines, if there are rollouts for it."""
         options = self.problem.options
-        if not self.within_share(self.check_rollouts + options.chunk):
+        if self.check_rollouts + options.chunk > options.check_share * self.rollouts:
             return
         leader = self.leader()
         if leader is None or not leader.complete or leader.passed:
@@ -237,10 +237,6 @@ class Evaluator(Scorer):
         means.add(runs, draws.scenarios)
         violating = self.learn(leader, draws, runs, means)
         leader.passed = not (below or violating or means.violated)
-
-    def within_share(self, rollouts: int) -> bool:
-        """Whether so many rollouts, of checks or of certificates, are within their share of all."""
-        return rollouts <= self.problem.options.check_share * self.rollouts
 
     def fresh(self, stream: str, first: int, count: int) -> "FreshDraws":
         """Draws of a random stream, those beyond the motors' authority marked as hard ones."""

@@ -32,7 +32,7 @@ from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.problem import CERTIFICATE, TEST
-from dualwinch.tuning.scoring.budget import SelectionBudget
+from dualwinch.tuning.scoring.budget import CERTIFICATE_SHARE, SelectionBudget
 from dualwinch.tuning.scoring.certificate import SampleCertificate, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import ArchiveEntry, Evaluator, FreshDraws, PointKey, point_key
 from dualwinch.tuning.scoring.fresh_means import FreshMeans
@@ -139,7 +139,8 @@ class Certification:
         Returns:
             Whether the budget, of search and certificates, allows a generation more and another certificate after it.
         """
-        if self._evaluator.within_share(self._rollouts + self._next.draws_of_stage(0)) and self._allowed(budget):
+        needed = self._rollouts + self._next.draws_of_stage(0)
+        if needed <= CERTIFICATE_SHARE * self._evaluator.rollouts and self._allowed(budget):
             leader = self._evaluator.leader()
             if leader and leader.passed and leader is not self.start:
                 self._examine(leader, budget)
