@@ -19,7 +19,6 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.result import Result
-from dualwinch.tuning.tuning_problem import definition_of, problem_from
 from tests.own_metrics import LastBeyond, PullSpread, Room
 
 OWN = (LastBeyond(2e-3), PullSpread(), Room())
@@ -281,11 +280,6 @@ def test_studies_keep_them(config: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert dw.load(out / "best.toml").metrics == OWN
     main(["tune", *words, "--objective", "mean.pull_spread", "--constraint", "worst.room>=1", "--resume"])
     assert "trial" in capsys.readouterr().out
-
-
-def test_a_problem_survives_as_data(config: Path) -> None:
-    problem = dw.tuning_problem(config=config, objectives=["pull_spread"], space=["controller.observer.l0"])
-    assert problem_from(definition_of(problem, "tpe")) == problem
 
 
 def test_they_guide_the_search() -> None:

@@ -1,6 +1,5 @@
 """Parameters of the tuning method: sample average, cutting set, certificate (`tuning.scoring.selection`)."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -70,8 +69,3 @@ class TuningOptions:
     def to_record(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
         return asdict(self)
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> "TuningOptions":
-        """The options of a record from `to_record`."""
-        return cls(**record)

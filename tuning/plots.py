@@ -95,13 +95,13 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
     """Name of a dimension → its importance, with the sum 1; empty for fewer than 20 trials."""
     import optuna
 
-    complete = [trial for trial in trials if not trial.pruned and math.isfinite(trial.objectives[0])]
-    if len(complete) < 20 or len(problem.space.dimensions) < 2:
+    finite = [trial for trial in trials if math.isfinite(trial.objectives[0])]
+    if len(finite) < 20 or len(problem.space.dimensions) < 2:
         return {}
     study = optuna.create_study()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        single = [replace(trial, objectives=trial.objectives[:1], violations={}) for trial in complete]
+        single = [replace(each, objectives=each.objectives[:1], violations={}, pruned=False) for each in finite]
         study.add_trials([finished_trial(trial, problem.space) for trial in single])
         importances_by_name = optuna.importance.get_param_importances(
             study, evaluator=optuna.importance.PedAnovaImportanceEvaluator(), normalize=True

@@ -62,8 +62,9 @@ def tune(
         seconds: wall time of the search in s. Preparation and compilation come before; certificate and scores take up
             to 0.3 times that plus 10 s more, and where that is too little, the search is shorter. The first trials, the
             paper's gains and the start, are always finished.
-        rollouts: number of rollouts of search, checks and certificate, for which an eighth is reserved; where the first
-            candidates are rejected, an eighth more. A first candidate is always examined whole.
+        rollouts: number of rollouts of search, checks and certificates, of which the search leaves enough for another
+            certificate; where none of the candidates is certified, an eighth more. A first candidate is always examined
+            whole.
         test_scenarios: number of test scenarios; default: from the problem's `TuningOptions`.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         store: open storage of the trials; a study in it is continued. Default: in memory.

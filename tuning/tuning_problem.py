@@ -1,4 +1,4 @@
-"""A tuning problem from command-line arguments, and as a record that a study keeps for its workers."""
+"""A tuning problem from command-line arguments, and as a record that a study keeps."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -13,10 +13,9 @@ from dualwinch.config.ensemble_file import (
     ensemble_to_toml,
     find_ensemble,
     load_ensemble,
-    loads_ensemble,
     reset,
 )
-from dualwinch.config.experiment_file import assigned, experiment_from, loads, own_keys, to_toml
+from dualwinch.config.experiment_file import assigned, experiment_from, own_keys, to_toml
 from dualwinch.config.toml_text import flattened, read_source
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.actuators import is_ideal
@@ -44,14 +43,13 @@ from dualwinch.tuning.baseline import (
 )
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,
-    constraints_from,
     constraints_with,
     default_constraints,
     objectives_from,
 )
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
+from dualwinch.tuning.space import entry_from, space_of, space_to_record
 from dualwinch.tuning.storage.parts import part_records
 
 ESTIMATOR = "controller.estimator"
@@ -242,26 +240,6 @@ def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
         "options": problem.options.to_record(),
         "method": method,
     }
-
-
-def problem_from(definition: Mapping[str, Any]) -> TuningProblem:
-    """The problem of a record from `definition_of`."""
-    text, drawn = definition["configuration"], None
-    if definition["ensemble"]:
-        drawn = loads_ensemble(text, name="the study's ensemble")
-        base = drawn.experiment
-    else:
-        base = loads(text, name="the study's experiment")
-    return TuningProblem(
-        experiment=base,
-        ensemble=drawn,
-        space=space_from(definition["space"]),
-        objectives=objectives_from(definition["objectives"], base.metrics),
-        constraints=constraints_from(definition["constraints"], base),
-        scenarios=definition["scenarios"],
-        seed=definition["seed"],
-        options=TuningOptions.from_record(definition["options"]),
-    )
 
 
 def configuration(problem: TuningProblem) -> str:

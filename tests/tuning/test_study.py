@@ -16,7 +16,7 @@ from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.opening import open_store, stored_definition
 from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
 from dualwinch.tuning.study import Search, SearchBudget
-from dualwinch.tuning.tuning_problem import definition_of, problem_from
+from dualwinch.tuning.tuning_problem import definition_of
 from tests.studies import MakeProblem
 
 
@@ -127,11 +127,6 @@ def test_processes_join_a_study_each_with_a_budget_of_its_own(make_problem: Make
     assert stored_definition(url, "s") == definition
     for store in (first, second, continued):
         store.close()
-
-
-def test_the_same_problem_is_read_from_the_definition(make_problem: MakeProblem) -> None:
-    for problem in (make_problem(), make_problem(ensemble=None, constraints=None)):
-        assert problem_from(definition_of(problem, "tpe")) == problem
 
 
 def test_time_is_a_budget(make_problem: MakeProblem) -> None:

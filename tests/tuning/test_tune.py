@@ -230,7 +230,7 @@ def test_the_time_left_is_said_once_it_means_something(trials: int, said: str) -
         words.append(status)
 
     TuningProgress(receive).progress(SearchStatus(trials=trials, seconds=230.0, compiling=200.0), None, 100)
-    assert words == [f"{said}{trials} of 100 trials, 0 % feasible"]
+    assert words == [f"{said}{trials} of 100 trials, 0 of 0 that ran in all scenarios feasible"]
 
 
 @pytest.mark.parametrize(

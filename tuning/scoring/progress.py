@@ -25,7 +25,8 @@ class SearchStatus:
 
     Attributes:
         trials: number of finished trials, of all workers.
-        feasible: number of those that satisfy every constraint.
+        complete: number of those that were run in all scenarios.
+        feasible: number of those of them that satisfy every constraint.
         best: the best so far, by `tuning.scoring.ranking`; ``None`` before the first.
         rollouts: number of rollouts of this process.
         rollout_seconds: their wall time in s.
@@ -36,6 +37,7 @@ class SearchStatus:
     """
 
     trials: int = 0
+    complete: int = 0
     feasible: int = 0
     best: Evaluation | None = None
     rollouts: int = 0
@@ -48,6 +50,7 @@ class SearchStatus:
     def add(self, evaluations: Sequence[Evaluation]) -> None:
         """Count more finished trials."""
         self.trials += len(evaluations)
+        self.complete += sum(not evaluation.pruned for evaluation in evaluations)
         self.feasible += sum(evaluation.feasible for evaluation in evaluations)
         self.spent += sum(evaluation.scenarios for evaluation in evaluations)
         for evaluation in evaluations:
@@ -106,7 +109,7 @@ class TuningProgress:
     def _status(self, now: SearchStatus, until: float | None, trials: int | None) -> str:
         of, left = f" of {trials}" if trials else "", _left(now, until, trials)
         words = [] if left is None else [f"{left:.0f} s of search left"]
-        words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
+        words.append(f"{now.trials}{of} trials, {now.feasible} of {now.complete} that ran in all scenarios feasible")
         if now.best and not all(map(math.isfinite, now.best.objectives)):
             words.append("no trial has completed its runs yet")
         elif now.best:

@@ -11,11 +11,14 @@
 3. **Check** (`tuning.scoring.evaluation`, `tuning.scoring.cutting_set`): the leader, feasible or not, is run in fresh
    draws and on fresh machines while checks are below a share of the rollouts (cutting-set method with a pessimising
    oracle by sampling; Mutapcic and Boyd, Optimization Methods and Software 24, 2009). Draws and machines in which it
-   violates a bound join the training set, and the bound keeps the leader's slack in training plus its excess.
+   violates a bound join the training set.
 4. **Certificate** (`tuning.scoring.certificate`): leaders in order; each first on fresh machines, for its margins,
    then in fresh draws until they support ε or make it unlikely (sequential probabilistic validation; Alamo, Tempo,
-   Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds in the first of them, too. A rejection makes
-   cuts and back-off as in step 3, which reorders the other candidates; the start is one of them. If no candidate
+   Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds there, too (`tuning.scoring.fresh_means`). A
+   rejection makes cuts, and a back-off of violated means, which reorders the other candidates; the start is one of
+   them. Leaders that have passed a check are examined during the search, while certificates are below a share of the
+   rollouts; later ones only if their objective is smaller than that of the certified one. At the end the last leader
+   is examined; after a rejection the search goes on while its budget allows another certificate. If no candidate
    passes, the one with the least supported probability of a violation among those that beat the start, by the exact
    penalty on their shares of violations, is selected.
 5. **Test set** (`tuning.scoring.test_set`): evaluated once, for the selected candidate, the start and the baseline

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dualwinch.config.experiment_file import loads
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
@@ -23,7 +24,7 @@ from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.tuning_problem import definition_of, problem_from, tuning_problem
+from dualwinch.tuning.tuning_problem import configuration, tuning_problem
 from tests.oracle.sampled import Scenario, run
 from tests.tiers import all_but
 
@@ -120,23 +121,23 @@ def test_the_closed_loop_for_other_tools_has_the_force_as_an_input() -> None:
     assert speeds[1] - speeds[0] == pytest.approx(500 * 1e-3 / 1e4, rel=1e-3)
 
 
-def test_a_worker_has_the_very_numbers_of_the_study(tmp_path: Path) -> None:
+def test_a_study_keeps_the_very_numbers_of_a_file(tmp_path: Path) -> None:
     file = tmp_path / "gust.csv"
     file.write_text("t,F\n0,0\n1,0.5\n")
     settings = [f'disturbance.force.file="{file}"', "disturbance.force.unit=kN", "simulation.duration=1.0"]
     problem = tuning_problem(case=2, settings=settings, space=["controller.observer.l0"])
-    definition = definition_of(problem, "cmaes")
-    assert problem_from(definition) == problem
+    text = configuration(problem)
+    assert loads(text) == problem.experiment
     file.write_text("t,F\n0,0\n1,0.6\n")
     with pytest.raises(ConfigurationError, match=r"disturbance\.force: .*gust\.csv: has changed") as caught:
-        problem_from(definition)
+        loads(text)
     assert "\n" not in str(caught.value)
 
 
-def test_a_worker_has_the_arrays_of_the_study() -> None:
+def test_a_study_keeps_the_arrays_of_a_signal() -> None:
     problem = tuning_problem(case=2, space=["controller.observer.l0"])
     problem = replace(problem, experiment=pushed(STEP))
-    assert problem_from(definition_of(problem, "cmaes")) == problem
+    assert loads(configuration(problem)) == problem.experiment
 
 
 def test_way_points_and_recorded_motions_run(tmp_path: Path) -> None:
