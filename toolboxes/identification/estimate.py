@@ -4,7 +4,7 @@ L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen
 (2004) 225, for filters with unrecorded disturbances.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -40,7 +40,13 @@ from dualwinch.toolboxes.identification.predictor import (
     predictor_structure,
 )
 from dualwinch.toolboxes.identification.resample import LogSection
-from dualwinch.toolboxes.identification.unknowns import SearchCoordinates, UnknownParameter, covariance_of, unwrapped
+from dualwinch.toolboxes.identification.unknowns import (
+    SearchCoordinates,
+    UnknownParameter,
+    covariance_of,
+    data_sheet_parameters,
+    unwrapped,
+)
 
 Floats = NDArray[np.float64]
 
@@ -106,7 +112,7 @@ class PredictionErrorMethod:
         """Set up for given sections and unknowns; compiles the filter."""
         self.unknowns, self.options = tuple(unknowns), options
         self.made_of = sections, experiment, self.unknowns, options
-        self._experiment, self._search, self._threads = experiment, options.search, threads
+        self._experiment, self._search, self.threads = experiment, options.search, threads
         keys, self.structure = tuple(unknown.key for unknown in unknowns), predictor_structure(experiment)
         zeros = structures.zeros_of(
             self.structure, structures.parameters_of(replace(experiment, controller=Controller())), varying=keys
@@ -130,7 +136,7 @@ class PredictionErrorMethod:
 
     def filters_of(self, sections: Sequence[LogSection]) -> LogFilters:
         """Filters over other sections."""
-        return LogFilters(self._predictor, self.structure, sections, self.options, self._threads)
+        return LogFilters(self._predictor, self.structure, sections, self.options, self.threads)
 
     def initial_noise(self) -> NoiseCovariances:
         """Initial R and Q."""
@@ -152,11 +158,15 @@ class PredictionErrorMethod:
         normal = self.likelihood.normal(values, noise, filtered)
         return normal[:-1, :-1] if np.isfinite(normal).all() else None
 
+    def noise_at(self, values: Floats) -> NoiseCovariances:
+        """Initial R, and Q from a rough search, at given values."""
+        return self._noise.with_process_noise(
+            self.with_values(values), self.initial_noise(), anywhere=True, roughly=True
+        )
+
     def deviance(self, values: Floats) -> float:
         """Minus twice the log-likelihood at given values, with process noise from a rough search."""
-        experiment = self.with_values(values)
-        noise = self._noise.with_process_noise(experiment, self.initial_noise(), anywhere=True, roughly=True)
-        return float(self.filters.deviances([(experiment, noise)])[0])
+        return float(self.filters.deviances([(self.with_values(values), self.noise_at(values))])[0])
 
     def run(
         self,
@@ -203,6 +213,30 @@ class PredictionErrorMethod:
             deviance=deviance,
             rough=rough,
             finished=finished,
+            passes=self.passes,
+            converged=converged,
+        )
+
+    def continued(
+        self, start: Floats, noise: NoiseCovariances, progress: progresses.Progress = progresses.no_progress
+    ) -> ParameterEstimate:
+        """Newton steps from values near a maximum of the likelihood, with the noise there as start of its estimation.
+
+        Raises:
+            DivergedFilterError: the filter diverges.
+        """
+        step, noise, converged = self._newton_steps(start, noise, estimated=True, progress=progress)
+        if step is None:
+            raise self._diverged()
+        values = unwrapped(self.coordinates().values(step.at), self.unknowns)
+        return ParameterEstimate(
+            values=values,
+            information=step.information,
+            noise=noise,
+            experiment=self.with_values(values),
+            deviance=step.deviance,
+            rough=step.deviance,
+            finished=True,
             passes=self.passes,
             converged=converged,
         )
@@ -341,6 +375,23 @@ class LocalOptimum:
     values: tuple[float, ...]
     deviance: float
     searches: int
+
+
+def with_data_sheets(
+    method: PredictionErrorMethod, estimate: ParameterEstimate, readings: Collection[str]
+) -> tuple[PredictionErrorMethod, ParameterEstimate]:
+    """The estimate with gains, zeros and scales by data sheets as nuisance parameters, and its method.
+
+    They are behind the method's own unknowns (`unknowns.data_sheet_parameters`); `readings` are recorded.
+    """
+    sections, experiment, unknowns, options = method.made_of
+    sheet = data_sheet_parameters([each.key for each in unknowns], experiment, readings, options)
+    if not sheet:
+        return method, estimate
+    wider = PredictionErrorMethod(sections, experiment, (*unknowns, *sheet), options, method.threads)
+    wider.filters.passes += method.passes
+    start = np.array([*estimate.values, *(each.start for each in sheet)])
+    return wider, wider.continued(start, estimate.noise)
 
 
 def multistart(

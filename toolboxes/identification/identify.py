@@ -30,7 +30,12 @@ from dualwinch.toolboxes.identification.diagnostics import (
     unidentifiable_directions,
     whiteness_tests,
 )
-from dualwinch.toolboxes.identification.estimate import ParameterEstimate, distinct_optima, multistart
+from dualwinch.toolboxes.identification.estimate import (
+    ParameterEstimate,
+    distinct_optima,
+    multistart,
+    with_data_sheets,
+)
 from dualwinch.toolboxes.identification.log import Log, column_map, gap_note, log_of, read_log
 from dualwinch.toolboxes.identification.model_choice import ModelChoice, marginal
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
@@ -156,21 +161,32 @@ def identify(
     method, n = model.method, len(unknowns)
     estimates = [*multistart(method, model.estimate, n, starts, seed, progress, workers), *model.others]
     estimates = sorted(estimates, key=lambda each: each.deviance)
-    best, fitted = estimates[0], method.filters.sections
-    excess = plausible(best)
+    excess = plausible(estimates[0])
+    readings = {name for log in given for name in log.readings}
+    alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], readings)
+    fitted, sheet = method.filters.sections, method.unknowns[len(model.method.unknowns) :]
     torques, diagnostics = [section.torques for section in fitted], options.diagnostics
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
     kept = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
     information = marginal(best.information, method.unknowns, n)
+    perfect = covariance_of(marginal(alone.information, model.method.unknowns, n), unknowns)
     whiteness = whiteness_tests(innovations, torques, diagnostics)
     beside_encoders = [test for test in whiteness if test.name not in counting(experiment.sensors)]
     white = all(test.white for test in beside_encoders or whiteness)
     wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
-    covariance = covariance_of(information, unknowns) * np.outer(wider[:n], wider[:n])
+    precise = covariance_of(information, unknowns)
+    covariance = precise * np.outer(wider[:n], wider[:n])
+    along = replace(model, method=method, estimate=best).along(n, wider)
+    sheet_keys = {each.key for each in sheet}
     return IdentificationResult(
         experiment=with_leaves(
-            experiment, {each.key: value for each, value in zip(method.unknowns, best.values.tolist(), strict=True)}
+            experiment,
+            {
+                each.key: value
+                for each, value in zip(method.unknowns, best.values.tolist(), strict=True)
+                if each not in sheet and not each.key.startswith("recorder.")
+            },
         ),
         unknowns=unknowns,
         values=best.values[:n],
@@ -180,13 +196,18 @@ def identify(
         process_noise=best.noise.process_of(best.experiment.plant.vehicle),
         whiteness=whiteness,
         held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
-        innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),
+        innovations=rms_innovations(innovations, model.experiment.simulation.sample_time, diagnostics),
         logs=tuple(log.name for log in found),
         duration=sum(log.duration for log in found),
         passes=method.passes,
         converged=best.converged,
         optima=distinct_optima(
-            [replace(each, values=each.values[:n]) for each in estimates], covariance, diagnostics.optima_distance
+            [
+                replace(alone, values=best.values[:n]),
+                *(replace(each, values=each.values[:n]) for each in estimates[1:]),
+            ],
+            covariance,
+            diagnostics.optima_distance,
         ),
         seconds=perf_counter() - began,
         options=options,
@@ -198,7 +219,9 @@ def identify(
             *model.notes(experiment),
             *excess,
         ),
-        along=replace(model, estimate=best).along(n, wider),
+        along={key: pair for key, pair in along.items() if key not in sheet_keys},
+        data_sheet={key: pair for key, pair in along.items() if key in sheet_keys},
+        sheet_shares=np.clip(1 - np.diag(perfect) / np.diag(precise), 0.0, 1.0),
         widened=float(wider[:n].max(initial=1.0)),
     )
 

@@ -25,14 +25,19 @@ from dualwinch.toolboxes.identification.options import EstimationOptions, Search
 from dualwinch.toolboxes.identification.predictor import (
     READINGS,
     NoiseCovariances,
+    RecordedExperiment,
+    RecorderClock,
     described_disturbances,
     has_vortex_states,
+    predictor_structure,
+    recorded,
 )
 from dualwinch.toolboxes.identification.resample import LogSection, counting, sections_of
 from dualwinch.toolboxes.identification.unknowns import (
     AMPLITUDE,
     STROUHAL,
     UnknownParameter,
+    clock_parameters,
     covariance_of,
     nuisance_parameters,
     with_drum_friction,
@@ -42,6 +47,15 @@ from dualwinch.toolboxes.identification.unknowns import (
 from dualwinch.toolboxes.identification.vortices import likelier_phase, shows_other_vortices, vortex_starts
 
 Floats = NDArray[np.float64]
+
+PHASES = (np.arange(8) / 8 + 1 / 16).tolist()
+"""Phases of a recorder at which a search begins, in samples."""
+
+TOLERANCE = 1e-3
+"""Relative error of a recorder's rate, at most."""
+
+ONE_STEP = "adaptive"
+"""Integrator that takes one step from sample to sample."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +77,17 @@ class FittedModel:
     def notes(self, described: Experiment) -> tuple[str, ...]:
         """Differences of the model from the described experiment, in words."""
         own, given, found = self.experiment, described.disturbance, list[str]()
-        if (delay := own.simulation.delay_samples) != described.simulation.delay_samples:
+        if isinstance(own, RecordedExperiment):
+            index = [each.key for each in self.method.unknowns].index("recorder.phase")
+            deviation = math.sqrt(covariance_of(self.estimate.information, self.method.unknowns)[index, index])
+            late = own.simulation.delay_samples * own.simulation.sample_time - self.estimate.values[index]
+            found.append(
+                "rows are interpolated between the controller's samples"
+                if own.recorder.interpolated
+                else "rows are between the controller's samples: torques act "
+                f"{1e3 * late:.4g} ± {1e3 * deviation:.2g} ms after their row"
+            )
+        elif (delay := own.simulation.delay_samples) != described.simulation.delay_samples:
             found.append(
                 f"torques act {delay} samples after they are logged; simulation.delay_samples = "
                 f"{described.simulation.delay_samples} stays as it is"
@@ -203,6 +227,8 @@ class ModelChoice:
             DivergedFilterError: the filter diverges with every model.
             ConfigurationError: the estimate is refused, or a parameter without a prior has no effect at all.
         """
+        if clocked := self.likeliest_clock(experiment):
+            return self.with_torques_as_they_are(experiment, clocked, check, sea=sea)
         chosen, coarse = self.with_likeliest_torques(experiment)
         return chosen.with_torques_as_they_are(experiment, coarse, check, sea=sea)
 
@@ -386,6 +412,64 @@ class ModelChoice:
         self._check_spacing(experiment)
         return other, delayed
 
+    def likeliest_clock(self, experiment: Experiment) -> RecordedExperiment | None:
+        """The likeliest recorder with a clock of its own, and delay of the torques, at the start.
+
+        1. Candidates are measured and interpolated rows (`predictor.RecorderClock`), each with each delay and phase;
+           their likelihoods are those of the start of the logs.
+        2. ``None`` where rows at the samples are likelier, by their Bayesian information criteria (one parameter less);
+           also for torques that are not logged in every sample, and for ropes with mass, whose motion between samples
+           takes many steps.
+        """
+        step, simulation = experiment.simulation.sample_time, experiment.simulation
+        spacings = [float(np.median(np.diff(log.t))) for log in self.logs]
+        structure = predictor_structure(experiment)
+        if (
+            simulation.jitter
+            or max(spacings) >= self.options.search.coarse.min_spacing * step
+            or structure.integrator != ONE_STEP
+        ):
+            return None
+        start = np.zeros(0)
+        samples, steps = round(self.options.noise.section_time / step), math.ceil(step / min(spacings) - TOLERANCE)
+        at_samples = steps == 1 and all(np.abs(each - np.rint(each)).max() < 0.1 for each in self._row_times(step))
+
+        def method_of(described: Experiment) -> PredictionErrorMethod:
+            sections = sections_of(self.logs, described, self.options.resampling)
+            return PredictionErrorMethod(sections, described, (), self.options, self.threads)
+
+        def clocked(late: int, phase: float, *, interpolated: bool) -> Experiment:
+            recorder = RecorderClock(phase * step, steps=steps, interpolated=interpolated)
+            return recorded(_delayed(experiment, late), recorder)
+
+        def deviances(candidates: Sequence[Experiment], noise: NoiseCovariances) -> Floats:
+            methods = [method_of(each) for each in candidates]
+            pairs = [
+                method.filters.deviances([(method.with_values(start), noise)], samples * steps) for method in methods
+            ]
+            return np.concatenate(pairs)
+
+        noise = method_of(_delayed(experiment, simulation.delay_samples)).noise_at(start)
+        kinds = list(product(range(self.options.search.max_delay_samples + 1), (False, True)))
+        coarse = [(late, phase, kind) for late, kind in kinds for phase in PHASES[1::4]]
+        order = np.argsort(deviances([clocked(*each[:2], interpolated=each[2]) for each in coarse], noise)).tolist()
+        likeliest = list(dict.fromkeys((coarse[each][0], coarse[each][2]) for each in order))
+        noise = method_of(clocked(*coarse[order[0]][:2], interpolated=coarse[order[0]][2])).noise_at(start)
+        fine = [(late, phase, kind) for late, kind in likeliest[:2] for phase in PHASES]
+        between = deviances([clocked(*each[:2], interpolated=each[2]) for each in fine], noise)
+        late, phase, kind = fine[int(np.argmin(between))]
+        if at_samples:
+            whole = [_delayed(experiment, each) for each in range(self.options.search.max_delay_samples + 1)]
+            readings = sum(np.isfinite(log.columns[name]).sum() for log in self.logs for name in log.readings)
+            if between.min() + math.log(readings) >= deviances(whole, noise).min():
+                return None
+        return recorded(_delayed(experiment, late), RecorderClock(phase * step, steps=steps, interpolated=kind))
+
+    def _row_times(self, step: float) -> Iterator[Floats]:
+        """Times of the rows of every log since its first one, in samples."""
+        for log in self.logs:
+            yield (log.t - log.t[0]) / step
+
     def likeliest_at_start(self, experiment: Experiment) -> tuple[float, Experiment]:
         """The least deviance at the start over all delays of the torques, and the experiment with that delay."""
         delayed = [_delayed(experiment, late) for late in range(self.options.search.max_delay_samples + 1)]
@@ -521,6 +605,7 @@ class ModelChoice:
         Searches begin at `starts`; default: `starts` of the method.
         """
         sections = sections_of(self.logs, experiment, self.options.resampling)
+        unknowns = *unknowns, *clock_parameters([each.key for each in unknowns], experiment, self.options)
         method = PredictionErrorMethod(sections, experiment, unknowns, self.options, self.threads)
         self.progress(shares[0], phase)
         starts = starts or self.starts(method)

@@ -138,6 +138,26 @@ class TypicalSizes:
 
 
 @dataclass(frozen=True)
+class DataSheetOptions:
+    """Standard deviations of what data sheets promise of sensors and motors; 0: perfect.
+
+    They are estimated along as nuisance parameters with normal priors of these deviations, so that every interval
+    contains them.
+    """
+
+    load_cell_error: Annotated[quantities.NonNegative, Quantity("1", "gain of each load cell, relative")] = 0.01
+    load_cell_zero: Annotated[
+        quantities.NonNegative, Quantity("1", "zero of each load cell, over its full scale, the limit of the tension")
+    ] = 0.01
+    torque_error: Annotated[quantities.NonNegative, Quantity("1", "torque constant of each motor, relative")] = 0.02
+    speed_error: Annotated[quantities.NonNegative, Quantity("1", "scale of the speed wheel, relative")] = 0.002
+    clock_rate: Annotated[
+        quantities.NonNegative,
+        Quantity("1", "rate of a recorder with a clock of its own, relative"),
+    ] = 2e-5
+
+
+@dataclass(frozen=True)
 class CoarseLogOptions:
     """Replacements of other options if torques changed more often than they were logged.
 
@@ -432,6 +452,7 @@ class EstimationOptions:
     initial_state: InitialStateOptions = field(default_factory=InitialStateOptions)
     noise: NoiseOptions = field(default_factory=NoiseOptions)
     search: SearchOptions = field(default_factory=SearchOptions)
+    data_sheet: DataSheetOptions = field(default_factory=DataSheetOptions)
     vortices: VortexOptions = field(default_factory=VortexOptions)
     diagnostics: DiagnosticsOptions = field(default_factory=DiagnosticsOptions)
     plausibility: PlausibilityOptions = field(default_factory=PlausibilityOptions)

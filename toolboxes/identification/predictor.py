@@ -6,7 +6,7 @@ samples.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
@@ -38,10 +38,17 @@ INPUTS = ("t", "tau_1", "tau_2", "duration", "share_1", "share_2")
 """Inputs of a sample: time in s, torque commands in N m, time in s until the next sample, and factors on the unrecorded
 torques."""
 
-PREDICTOR_GROUPS = ("plant", "sensors", "actuator", "disturbance")
+ROW_INPUTS = ("row_time", "elapsed", "since")
+"""Further inputs with a `RecorderClock`: times in s of the step's row, from the step on if the first row is at one, and
+from the first row on; and of the step since the controller's sample."""
+
+PREDICTOR_GROUPS = ("plant", "sensors", "actuator", "disturbance", "recorder")
 """Groups of an experiment with parameters of the predictor."""
 
 SAMPLE_TIME = "simulation.sample_time"
+
+LEAST_TIME = 1e-9
+"""Added in s to the time from a sample to its row, which may be zero, where the integrator divides by it."""
 
 LEAST_COEFFICIENT = 1e-12
 """Added to coefficients in denominators, which may be zero; their forces are zero then."""
@@ -49,6 +56,52 @@ LEAST_COEFFICIENT = 1e-12
 
 READINGS: tuple[str, ...] = ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_1", "omega_2")
 """Readings that a log may have, in the order of their columns."""
+
+
+@dataclass(frozen=True)
+class RecorderClock:
+    """Clock of a recorder that does not sample when the controller does.
+
+    A row ``t`` after the first one is ``phase + (1 + rate_error) t`` after the controller's sample before the first.
+    """
+
+    phase: Annotated[float, Quantity("s", "time of the log's first row after the controller's last sample")] = 0.0
+    rate_error: Annotated[float, Quantity("1", "share by which the controller's clock is faster")] = 0.0
+    steps: Annotated[int, Quantity("1", "steps of the filter per sample of the controller")] = 1
+    interpolated: Annotated[
+        bool, Quantity("", "rows are interpolated linearly between the samples, as by resampling, not measured")
+    ] = False
+
+
+CLOCK = ("recorder.phase", "recorder.rate_error")
+"""Keys of the parameters of a recorder's clock."""
+
+
+@dataclass(frozen=True)
+class RecordedExperiment(Experiment):
+    """An experiment whose log has a recorder with a clock of its own.
+
+    Readings are predicted to the time of each row, between two samples (continuous-discrete filter).
+    """
+
+    recorder: RecorderClock = RecorderClock()
+
+
+@dataclass(frozen=True)
+class RecordedStructure(structures.LoopStructure):
+    """The structure of the code of a predictor for a recorder with a clock of its own."""
+
+    recorder: RecorderClock = RecorderClock()
+
+
+def recorded(experiment: Experiment, recorder: RecorderClock) -> RecordedExperiment:
+    """An experiment with a recorder; its sample time and delay are those of the filter's steps."""
+    groups = {each.name: getattr(experiment, each.name) for each in fields(Experiment)}
+    simulation, steps = experiment.simulation, recorder.steps
+    finer = replace(
+        simulation, sample_time=simulation.sample_time / steps, delay_samples=steps * simulation.delay_samples
+    )
+    return RecordedExperiment(**groups | {"simulation": finer}, recorder=recorder)
 
 
 @dataclass(frozen=True)
@@ -210,7 +263,12 @@ def predictor_structure(experiment: Experiment) -> structures.LoopStructure:
         else physics.Disturbance()
     )
     sensors = sensing.Sensors(load_cell_time_constant=structure.sensors.load_cell_time_constant)
-    return replace(structure, sensors=sensors, disturbance=disturbance, delay_samples=0, readings=False)
+    structure = replace(structure, sensors=sensors, disturbance=disturbance, delay_samples=0, readings=False)
+    if not isinstance(experiment, RecordedExperiment):
+        return structure
+    groups = {each.name: getattr(structure, each.name) for each in fields(structures.LoopStructure)}
+    clock = replace(experiment.recorder, phase=0.0, rate_error=0.0)
+    return RecordedStructure(**groups, recorder=clock)
 
 
 def state_template(structure: structures.LoopStructure) -> PredictorState:
@@ -226,7 +284,8 @@ def parameter_names(structure: structures.LoopStructure) -> tuple[str, ...]:
     """Keys of all parameters of the predictor, in their order."""
     begins = tuple(f"{group}." for group in PREDICTOR_GROUPS)
     own = (key for key in structure.parameters if key.startswith(begins))
-    return (*own, SAMPLE_TIME, *CORRELATION_TIMES)
+    clock = CLOCK if isinstance(structure, RecordedStructure) else ()
+    return (*own, *clock, SAMPLE_TIME, *CORRELATION_TIMES)
 
 
 @language.built_once
@@ -243,19 +302,22 @@ def predicted_system(
     rope is slack or about to be take a number of Runge–Kutta steps instead.
     """
     start = state_template(structure)
-    names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
+    inputs = (*INPUTS, *ROW_INPUTS) if isinstance(structure, RecordedStructure) else INPUTS
+    names = {"state": (*leaves(start),), "input": inputs, "parameters": parameter_names(structure)}
     symbols = {name: ca.SX.sym(name, len(elements)) for name, elements in names.items()}
     state, given, values = (
         dict(zip(elements, ca.vertsplit(symbols[name]), strict=True)) for name, elements in names.items()
     )
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
-    groups = {group: with_leaves(getattr(structure, group), values, f"{group}.") for group in PREDICTOR_GROUPS}
+    groups = {
+        group: with_leaves(getattr(structure, group), values, f"{group}.")
+        for group in PREDICTOR_GROUPS
+        if hasattr(structure, group)
+    }
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
     pulls, cells = physics.tensions(now.motion.plant, plant, given["t"]), now.load_cells
     if isinstance(cells, sensing.LoadCells):
         cells, pulls = sensing.load_cells(cells, pulls, groups["sensors"], sample_time)
-    exact = sensing.measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
-    reading = ca.vertcat(*(getattr(exact, name) for name in READINGS))
 
     commands = physics.Torques(given["tau_1"], given["tau_2"])
     actuators = now.actuator_1, now.actuator_2
@@ -273,18 +335,17 @@ def predicted_system(
             * (vortices.sine * scalar.sin(phase) + vortices.cosine * scalar.cos(phase))
         )
         groups["disturbance"] = replace(groups["disturbance"], vortex=ca.SX(0))
-    hold = loops.zero_order_hold(
-        structure,
-        t=given["t"],
-        torques=physics.Torques(
+    held = {
+        "t": given["t"],
+        "torques": physics.Torques(
             torques.tau_1 + given["share_1"] * disturbances.torque_1,
             torques.tau_2 + given["share_2"] * disturbances.torque_2,
         ),
-        current=by["current"] * disturbances.current,
-        normal_force_variation=by["normal_force_variation"] * disturbances.normal_force_variation,
-        force=force,
-        duration=given["duration"],
-    )
+        "current": by["current"] * disturbances.current,
+        "normal_force_variation": by["normal_force_variation"] * disturbances.normal_force_variation,
+        "force": force,
+    }
+    hold = loops.zero_order_hold(structure, **held, duration=given["duration"])
     decays = {name: scalar.exp(-sample_time / values[f"time.{name}"]) for name in DISTURBANCES}
     decayed = UnrecordedDisturbances(**{name: decays[name] * value for name, value in vars(disturbances).items()})
     fading = scalar.exp(-sample_time / values[f"time.{VORTICES}"])
@@ -300,6 +361,23 @@ def predicted_system(
     if one_step:
         in_parts = replace(structure, integrator="rk4", substeps=slack_substeps)
     move, _ = loops.between_samples(in_parts, problem, symbols["parameters"])
+
+    def readings(motion: loops.Motion, pulls: tuple[Any, Any]) -> ca.SX:
+        exact = sensing.measurement(motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
+        return ca.vertcat(*(getattr(exact, name) for name in READINGS))
+
+    def readings_after(time: ca.SX) -> ca.SX:
+        """Readings some time after the step, or before it, with the torques of the step."""
+        moved = _moved(structure, now.motion, held, time + LEAST_TIME, problem, symbols["parameters"])
+        pulls = physics.tensions(moved.plant, plant, given["t"] + time)
+        if isinstance(cells, sensing.LoadCells):
+            _, pulls = sensing.load_cells(cells, pulls, groups["sensors"], time + LEAST_TIME)
+        return readings(moved, pulls)
+
+    if isinstance(structure, RecordedStructure):
+        reading = _row_reading(structure.recorder, groups["recorder"], given, sample_time, readings_after)
+    else:
+        reading = readings(now.motion, pulls)
     return sampled.PredictedSystem(
         sense=loops.named_function("sense", symbols, {"reading": reading}),
         prepare=loops.named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
@@ -308,6 +386,44 @@ def predicted_system(
         one_step=one_step,
         fitted=tuple(names["parameters"].index(key) for key in fitted),
     )
+
+
+def _moved(
+    structure: structures.LoopStructure,
+    motion: loops.Motion,
+    held: Mapping[str, Any],
+    time: ca.SX,
+    problem: Callable[[Any], loops.Problem],
+    parameters: ca.SX,
+) -> loops.Motion:
+    """The motion some time later, or earlier, with held inputs; by one step of an exponential integrator if it can."""
+    lasting = replace(structure, jitter=True)
+    part_ahead, step_ahead = loops.between_samples(lasting, problem, parameters)
+    until = ca.vertcat(*leaves(loops.zero_order_hold(lasting, **held, duration=time)).values())
+    elements = ca.vertcat(*leaves(motion).values())
+    if step_ahead:  # where a rope is slack, too
+        elements, *_ = step_ahead(elements, until, parameters)
+    else:
+        for part in range(structure.substeps):
+            elements, _ = part_ahead(elements, until, part, parameters)
+    return with_leaves(motion, dict(zip(leaves(motion), ca.vertsplit(elements), strict=True)))
+
+
+def _row_reading(
+    recorder: RecorderClock,
+    clock: RecorderClock,
+    given: Mapping[str, ca.SX],
+    step: ca.SX,
+    readings_after: Callable[[ca.SX], ca.SX],
+) -> ca.SX:
+    """The reading of a step's row, by the readings some time after the step."""
+    row_time = given["row_time"] + clock.phase + clock.rate_error * given["elapsed"]
+    if not recorder.interpolated:
+        return readings_after(row_time)
+    period = step * recorder.steps
+    share = (given["since"] + row_time) / period
+    before, after = readings_after(-given["since"]), readings_after(period - given["since"])
+    return (1 - share) * before + share * after
 
 
 def initial_state(
@@ -339,13 +455,16 @@ def initial_state(
             break
     x = x if math.isfinite(x) else 0.0
 
-    expected, pulls, directions = dict.fromkeys(names, 0.0), list[float](), list[dict[str, float]]()
+    expected, directions = dict.fromkeys(names, 0.0), list[dict[str, float]]()
+    pulls, spreads = list[float](), list[float]()
     for side, torque, newton in zip(
         plant.sides, torques, vars(physics.holding_torques(2.0, plant)).values(), strict=True
     ):
         zero, error = (getattr(sensors, f"load_cell_{name}_{side.number}") for name in ("zero", "error"))
         tension = (read[f"F{side.number}"] - zero) / (1 + error)
-        pulls.append(max(tension if math.isfinite(tension) else torque / newton, 1.0))  # newton: holds 1 N in a rope
+        held = torque / newton  # newton: holds 1 N in a rope
+        pulls.append(max(tension if math.isfinite(tension) else held, 1.0))
+        spreads.append(math.hypot(options.stretch * pulls[-1], pulls[-1] - held))  # a tension that is not held changes
         holding, more = (
             leaves(experiment.actuator.holding_state(by * torque), f"actuator_{side.number}.")
             for by in (1, 1 + options.torque)
@@ -359,10 +478,10 @@ def initial_state(
         cells = {"load_cells.F1": pull_1, "load_cells.F2": pull_2}
         return {key: float(value) for key, value in leaves(state, "motion.plant.").items()} | cells
 
-    point, more = (x, v, *pulls), 1 + options.stretch
+    point, more = (x, v, *pulls), (pulls[0] + spreads[0], pulls[1] + spreads[1])
     known = moving(*point)
     others = [(x + options.position, *point[1:]), (x, v + options.speed, *pulls)]
-    others += [(x, v, more * pulls[0], pulls[1]), (x, v, pulls[0], more * pulls[1])]
+    others += [(x, v, more[0], pulls[1]), (x, v, pulls[0], more[1])]
     directions += [{key: value - known[key] for key, value in moving(*other).items()} for other in others]
     directions += _unread(plant, known, pulls, options)
     for side in plant.sides:

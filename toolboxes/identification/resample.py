@@ -16,11 +16,15 @@ from scipy.ndimage import uniform_filter1d
 from dualwinch.toolbox import ConfigurationError, Experiment, sensing
 from dualwinch.toolboxes.identification.log import TORQUES, Log, longest_step
 from dualwinch.toolboxes.identification.options import DEFAULTS, ResamplingOptions
-from dualwinch.toolboxes.identification.predictor import READINGS
+from dualwinch.toolboxes.identification.predictor import READINGS, RecordedExperiment
 
 Floats = NDArray[np.float64]
 
 ANGLES = ("theta_1", "theta_2")
+
+
+_ROUNDING = np.sqrt(np.finfo(float).eps)
+"""Rounding error of the time of a row in samples, at most: a row at a sample is not one of the sample before."""
 
 
 def counting(sensors: sensing.Sensors) -> tuple[str, ...]:
@@ -92,13 +96,19 @@ def resampled(
     if len(log.t) < options.min_rows:
         raise ConfigurationError(f"{log.name}: has {len(log.t)} rows: must be {options.min_rows} or more")
     step, late = experiment.simulation.sample_time, experiment.simulation.delay_samples
-    numbers = np.rint((log.t - log.t[0]) / step).astype(int)
+    recorder = experiment.recorder if isinstance(experiment, RecordedExperiment) else None
+    numbers, elapsed = np.rint((log.t - log.t[0]) / step).astype(int), log.t - log.t[0]
+    if recorder:
+        elapsed = _even(elapsed, step)
+        numbers = np.floor((recorder.phase + (1 + recorder.rate_error) * elapsed) / step + _ROUNDING).astype(int)
+        numbers -= recorder.steps * (numbers[0] // recorder.steps)
     count = int(numbers[-1]) + 1
-    held = np.column_stack([_held_torque(log, name, numbers, count, step, options) for name in TORQUES])
+    commands = recorder.steps * (numbers // recorder.steps) if recorder else numbers
+    held = np.column_stack([_held_torque(log, name, commands, count, step, options) for name in TORQUES])
     torques, shares = held, np.ones_like(held)
     if options.torque_rows:
         torques, shares = _between_rows(held, numbers, options, step)
-    readings, in_steps = np.full((count, len(READINGS)), np.nan), counting(experiment.sensors)
+    rows, in_steps = np.full((len(log.t), len(READINGS)), np.nan), counting(experiment.sensors)
     for column, name in enumerate(READINGS):
         # if there is an angle too, a drum speed is most likely its difference, half a sample late
         is_difference = name.startswith("omega") and name.replace("omega", "theta") in log.readings
@@ -106,11 +116,23 @@ def resampled(
             values = log.columns[name]
             kept = np.isfinite(values)
             fresh = _counted(values[kept]) if name in in_steps else _without_repeats(values[kept], options.repeats)
-            readings[numbers[kept], column] = fresh
+            rows[kept, column] = fresh
+    readings = np.full((count, len(READINGS)), np.nan)
+    if recorder:  # the rows of a sample have different times: the one with most readings is used
+        fullest = _fullest(numbers, np.isfinite(rows).sum(axis=1))
+        readings[numbers[fullest]] = rows[fullest]
+        at_row = np.zeros((count, 3))
+        at_row[numbers[fullest], :2] = np.column_stack([elapsed - step * numbers, elapsed])[fullest]
+        at_row[:, 2] = step * (np.arange(count) % recorder.steps)
+    else:
+        for column in range(len(READINGS)):
+            there = np.isfinite(rows[:, column])
+            readings[numbers[there], column] = rows[there, column]
+        at_row = np.zeros((count, 0))
     t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
     durations = np.diff(t, append=t[-1] + step)
     arrived = torques[: count - late] if late else torques
-    inputs = np.column_stack([t[late:], arrived, durations[late:], shares[: len(arrived)]])
+    inputs = np.column_stack([t[late:], arrived, durations[late:], shares[: len(arrived)], at_row[late:]])
     return np.ascontiguousarray(inputs), np.ascontiguousarray(readings[late:])
 
 
@@ -119,6 +141,19 @@ def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Flo
     last = np.append(np.diff(numbers) > 0, True)
     own = numbers[last] * step
     return np.arange(count) * step + np.interp(np.arange(count) * step, own, t[last] - own)
+
+
+def _even(elapsed: Floats, step: float) -> Floats:
+    """Times of rows without the jitter of their stamps: evenly spaced, where no stamp is off by half a sample."""
+    rows = np.arange(len(elapsed))
+    line = np.polyval(np.polyfit(rows, elapsed, 1), rows)
+    return line - line[0] if np.abs(line - elapsed).max() < step / 2 else elapsed
+
+
+def _fullest(numbers: NDArray[np.int_], counts: NDArray[np.int_]) -> NDArray[np.int_]:
+    """The row with most readings, the last of equals, of every sample that has rows."""
+    order = np.lexsort((np.arange(len(numbers)), counts, numbers))
+    return order[np.diff(numbers[order], append=numbers[-1] + 1) > 0]
 
 
 def _held_torque(

@@ -61,6 +61,9 @@ class IdentificationResult(UncertainEstimates):
         excess: notes from reading the logs, on the model, and on implausibly large disturbances.
         along: additional parameter → value and standard deviation; estimated because innovations were not white
             without them.
+        data_sheet: gain, zero or scale → value and standard deviation, estimated along with a prior by its data sheet
+            (`options.DataSheetOptions`).
+        sheet_shares: (p,) shares of the estimates' variances that are due to these.
         widened: largest factor of the sandwich covariance on the model's deviations, applied if innovations are not
             white; else 1.
     """
@@ -84,6 +87,8 @@ class IdentificationResult(UncertainEstimates):
     profiles: tuple[LikelihoodProfile, ...] = ()
     excess: tuple[str, ...] = ()
     along: dict[str, tuple[float, float]] = field(default_factory=dict)
+    data_sheet: dict[str, tuple[float, float]] = field(default_factory=dict)
+    sheet_shares: Floats = field(default_factory=lambda: np.zeros(0))
     widened: float = 1.0
 
     @property
@@ -156,8 +161,8 @@ class IdentificationResult(UncertainEstimates):
         return found + ([self._profiles_table()] if self.profiles else [])
 
     def _estimates_table(self) -> Table:
-        rows = []
-        for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True):
+        rows, shares = [], self.sheet_shares if len(self.sheet_shares) else np.zeros(len(self.values))
+        for unknown, value, deviation, share in zip(self.unknowns, self.values, self.deviations, shares, strict=True):
             low, high = self.interval(unknown.key)
             digits = _digits(value, deviation)
             error = [
@@ -165,11 +170,13 @@ class IdentificationResult(UncertainEstimates):
                 kernel_tables.relative(deviation, value),
                 f"{low:.{digits}g} to {high:.{digits}g}",
             ]
+            error += [f"{share:.0%}"] if self.data_sheet else []
             error = ["–"] * len(error) if unknown.key in self.at_bounds else error
             estimate, unit = f"{value:.{digits}g}", quantities.behind_number(unknown.unit).strip()
             rows.append([unknown.key, f"{unknown.start:.6g}", estimate, *error, unit])
         interval = f"{100 * CONFIDENCE:g} % interval"
-        return ["parameter", "start", "estimate", "std. deviation", "relative", interval, "unit"], rows
+        headings = ["parameter", "start", "estimate", "std. deviation", "relative", interval]
+        return [*headings, *(["of its variance, sensors'"] if self.data_sheet else []), "unit"], rows
 
     def _sensors_table(self) -> Table:
         rows, held = [], {test.name: test for test in self.held_out}
@@ -252,6 +259,8 @@ class IdentificationResult(UncertainEstimates):
                 for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True)
             ],
             "along": {key: list(pair) for key, pair in self.along.items()},
+            "data_sheet": {key: list(pair) for key, pair in self.data_sheet.items()},
+            "sheet_shares": self.sheet_shares.tolist(),
             "correlation": self.correlation.tolist(),
             "unidentifiable": [
                 {"keys": list(each.keys), "deviation": each.deviation if np.isfinite(each.deviation) else None}

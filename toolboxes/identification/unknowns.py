@@ -1,7 +1,7 @@
 """Unknown parameters: keys, ranges and priors, and the coordinates of the search."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from os import PathLike
@@ -21,9 +21,10 @@ from dualwinch.toolbox import (
     quantities,
     with_leaves,
 )
-from dualwinch.toolboxes.identification.options import DEFAULTS, SearchOptions
+from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions, SearchOptions
 from dualwinch.toolboxes.identification.predictor import (
     PREDICTOR_GROUPS,
+    RecordedExperiment,
     has_vortex_states,
     parameter_names,
     predictor_structure,
@@ -174,6 +175,48 @@ def unknown_parameters(
         ends = max(lower, least), min(upper, start + factor * scale)
         found.append(UnknownParameter(key, leaf.quantity.unit, start, *ends, scale, prior))
     return tuple(found)
+
+
+def data_sheet_parameters(
+    keys: Sequence[str], experiment: Experiment, readings: Collection[str], options: EstimationOptions = DEFAULTS
+) -> tuple[UnknownParameter, ...]:
+    """Gains, zeros and scales by data sheets (`DataSheetOptions`) of recorded sensors and of motors, except `keys`.
+
+    Their priors have the experiment's values as means.
+    """
+    sheet, full_scale = options.data_sheet, experiment.controller.limits.tension_max
+    deviations = {"sensors.speed_error": sheet.speed_error} if "v" in readings else {}
+    for number in (1, 2):
+        deviations[f"plant.winch_{number}.torque_error"] = sheet.torque_error
+        if f"F{number}" in readings:
+            deviations[f"sensors.load_cell_error_{number}"] = sheet.load_cell_error
+            deviations[f"sensors.load_cell_zero_{number}"] = sheet.load_cell_zero * full_scale
+    values = leaves(experiment)
+    priors = {
+        key: Prior(float(values[key]), deviation)
+        for key, deviation in deviations.items()
+        if deviation and key not in keys
+    }
+    return unknown_parameters(tuple(priors), experiment, priors, options.search)
+
+
+def clock_parameters(
+    keys: Sequence[str], experiment: Experiment, options: EstimationOptions = DEFAULTS
+) -> tuple[UnknownParameter, ...]:
+    """Phase and rate of a recorder with a clock of its own, except `keys`; none for other experiments."""
+    if not isinstance(experiment, RecordedExperiment):
+        return ()
+    deviations = {
+        "recorder.phase": experiment.simulation.sample_time,
+        "recorder.rate_error": options.data_sheet.clock_rate,
+    }
+    values = leaves(experiment)
+    priors = {
+        key: Prior(float(values[key]), deviation)
+        for key, deviation in deviations.items()
+        if deviation and key not in keys
+    }
+    return unknown_parameters(tuple(priors), experiment, priors, options.search)
 
 
 def nuisance_parameters(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from dualwinch.toolbox import Experiment, physics
 from dualwinch.toolboxes.identification.log import Log
@@ -105,6 +106,28 @@ def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:
     return SmoothedMotion(t, x, v, a, net, motions[0].at_once)
 
 
+def begins_at_rest(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> bool:
+    """Whether a log's first speed is not above that of standstill, judged against the noise of its readings.
+
+    The first speed is the slope at the first row of a cubic through the readings of the position, or of a drum, of the
+    time over which others are smoothed (least squares, with its standard deviation from the residuals).
+    """
+    radius = {f"theta_{side.number}": side.winch.drum_radius for side in experiment.plant.sides} | {"x": 1.0}
+    name = next((each for each in ("x", *radius) if each in log.readings), None)
+    if name is None:
+        return False
+    t, values = log.t - log.t[0], radius[name] * log.columns[name]
+    rows = (t < options.vortices.reach * options.vortices.smoothing) & np.isfinite(values)
+    powers = np.vander(t[rows], 4, increasing=True)
+    if len(powers) <= powers.shape[1]:
+        return False
+    slopes, square = _least_squares(powers, values[rows])
+    variance = square / (len(powers) - powers.shape[1]) * np.linalg.inv(powers.T @ powers)[1, 1]
+    return abs(slopes[1]) <= options.resampling.standstill_speed + norm.ppf(options.diagnostics.confidence) * math.sqrt(
+        variance
+    )
+
+
 def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> Log:
     """A log with its time counted from the origin of its vortices' phase, if it begins in motion and shows them.
 
@@ -122,7 +145,7 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
         return log
     parts = log.between_gaps(resampling.max_gap, resampling.min_rows)
     motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
-    if not motions or not motions[0].at_once:
+    if not motions or not motions[0].at_once or begins_at_rest(parts[0], experiment, options):
         return log
     rows = slice(search.max_rows)
     motion = joined(motions)
