@@ -421,15 +421,21 @@ def whiteness_tests(
 
 
 def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) -> Floats:
-    """(lags,) correlation of the first with the second, 1 to `lags` samples later."""
-    sums = np.zeros((3, lags))
+    """(lags,) correlation of the first with the second, 1 to `lags` samples later.
+
+    Where few pairs of readings have a lag, as between rows that are not at the samples, it is reduced by the root of
+    their share, so that one bound holds for all lags.
+    """
+    sums = np.zeros((4, lags))
     for early, late in zip(first, second, strict=True):
         known, there = np.isfinite(early), np.isfinite(late)
         a, b = np.where(known, early, 0.0), np.where(there, late, 0.0)
-        pairs = (a, b), (a**2, there.astype(float)), (known.astype(float), b**2)
+        here, later = known.astype(float), there.astype(float)
+        pairs = (a, b), (a**2, later), (here, b**2), (here, later)
         sums += [[np.einsum("i,i->", x[:-lag], y[lag:]) for lag in range(1, lags + 1)] for x, y in pairs]
     products, size = sums[0], np.sqrt(sums[1] * sums[2])
-    return np.divide(products, size, out=np.zeros(lags), where=size > 0)
+    correlations = np.divide(products, size, out=np.zeros(lags), where=size > 0)
+    return correlations * np.sqrt(sums[3] / max(float(sums[3].max(initial=0.0)), 1.0))
 
 
 def rms_innovations(

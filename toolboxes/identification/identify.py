@@ -54,6 +54,9 @@ from dualwinch.toolboxes.identification.vortices import with_vortex_origin
 
 Floats = NDArray[np.float64]
 
+GAS_DENSITY = 100.0
+"""Density in kg/m³ below which the vehicle moves in a gas, which has no sea."""
+
 Source = Log | Result | str | PathLike[str]
 
 
@@ -72,6 +75,7 @@ def identify(
     profiles: str | Sequence[str] = (),
     forces: bool = False,
     unrecorded: float | None = None,
+    plain: bool = False,
     options: EstimationOptions = DEFAULTS,
     workers: executors.Workers = None,
     progress: progresses.PhaseProgress = progresses.no_progress,
@@ -105,6 +109,8 @@ def identify(
             ``disturbance.force``.
         unrecorded: ratio of unrecorded to recorded RMS torque or force above which a fit is refused: the log is of
             another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
+        plain: whether to fit the experiment as described only, without alternatives: quick, and right where innovations
+            are white and rows are at the controller's samples.
         options: of the method.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         progress: called repeatedly with the share of the work that is done.
@@ -157,7 +163,8 @@ def identify(
     choice = ModelChoice([log for log, _ in split], unknowns, options, executors.threads_of(workers), of_first)
     sections = sections_of(choice.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
-    model = choice.of(experiment, plausible, sea=not forces)
+    sea = not forces and experiment.plant.vehicle.water_density > GAS_DENSITY
+    model = choice.of(experiment, plausible, sea=sea, plain=plain)
     method, n = model.method, len(unknowns)
     estimates = [*multistart(method, model.estimate, n, starts, seed, progress, workers), *model.others]
     estimates = sorted(estimates, key=lambda each: each.deviance)

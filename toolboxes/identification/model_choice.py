@@ -216,9 +216,16 @@ class ModelChoice:
     progress: progresses.PhaseProgress
 
     def of(
-        self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, sea: bool = True
+        self,
+        experiment: Experiment,
+        check: Callable[[ParameterEstimate], Sequence[str]],
+        *,
+        sea: bool = True,
+        plain: bool = False,
     ) -> FittedModel:
         """Choose the model for an experiment as described; without a `sea` all unrecorded forces are combined.
+
+        A `plain` choice is the described experiment, whatever its innovations.
 
         `check` refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Only another delay
         can improve such an estimate, or a sea if a force is missing.
@@ -227,6 +234,10 @@ class ModelChoice:
             DivergedFilterError: the filter diverges with every model.
             ConfigurationError: the estimate is refused, or a parameter without a prior has no effect at all.
         """
+        if plain:
+            model = self._fitted(experiment, self.unknowns, "fitting", (0.0, 1.0))
+            check(model.estimate)
+            return model
         if clocked := self.likeliest_clock(experiment):
             return self.with_torques_as_they_are(experiment, clocked, check, sea=sea)
         chosen, coarse = self.with_likeliest_torques(experiment)

@@ -96,7 +96,7 @@ class RecordedStructure(structures.LoopStructure):
 
 def recorded(experiment: Experiment, recorder: RecorderClock) -> RecordedExperiment:
     """An experiment with a recorder; its sample time and delay are those of the filter's steps."""
-    groups = {each.name: getattr(experiment, each.name) for each in fields(Experiment)}
+    groups: dict[str, Any] = {each.name: getattr(experiment, each.name) for each in fields(Experiment)}
     simulation, steps = experiment.simulation, recorder.steps
     finer = replace(
         simulation, sample_time=simulation.sample_time / steps, delay_samples=steps * simulation.delay_samples
@@ -266,7 +266,7 @@ def predictor_structure(experiment: Experiment) -> structures.LoopStructure:
     structure = replace(structure, sensors=sensors, disturbance=disturbance, delay_samples=0, readings=False)
     if not isinstance(experiment, RecordedExperiment):
         return structure
-    groups = {each.name: getattr(structure, each.name) for each in fields(structures.LoopStructure)}
+    groups: dict[str, Any] = {each.name: getattr(structure, each.name) for each in fields(structures.LoopStructure)}
     clock = replace(experiment.recorder, phase=0.0, rate_error=0.0)
     return RecordedStructure(**groups, recorder=clock)
 

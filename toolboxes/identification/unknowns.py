@@ -243,6 +243,8 @@ def nuisance_parameters(
             continue
         usual = options.friction_share if key.endswith("coulomb_friction") else options.nuisance_share
         share = shares.get(key, usual)
+        if not share:
+            continue
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
         least = 0.0 if share >= 1 and key != LOAD_CELL_LAG else value / reach

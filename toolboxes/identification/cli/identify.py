@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
+    from dualwinch.toolboxes.identification.options import EstimationOptions
     from dualwinch.toolboxes.identification.result import IdentificationResult
 
 
@@ -38,6 +39,8 @@ def identify(
         str | None,
         options.default_of(default_max_unrecorded, words="{:.0%}"),
     ] = None,
+    plain: bool = False,
+    data_sheet: list[str] | None = None,
     out: Path | None = None,
     plot: options.Figure = None,
     where: options.CheckpointingWorkerOptions = options.CheckpointingWorkerOptions(),
@@ -64,6 +67,9 @@ def identify(
         disturbance: File for the force on the vehicle, .csv or .parquet, for disturbance.force.file.
         unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
             another machine.
+        plain: Fit the experiment as described only, without alternatives such as a recorder's own clock or a sea.
+        data_sheet: Standard deviation of a sensor or motor by its data sheet, such as load_cell_error=0.5% or
+            torque_error=0; may be repeated.
         out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
 
     Examples:
@@ -99,6 +105,8 @@ def identify(
             workers=workers,
             unrecorded=most,
             progress=progress,
+            plain=plain,
+            options=options_with(data_sheet or []),
             **options.stated(hold_out=share, starts=starts),
         )
     left_out = idealisations.idealisations(found.experiment)
@@ -132,6 +140,29 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     for path, force in zip(files, found.forces, strict=True):
         file_formats.format_of(path).write(force.content, path)
     return files
+
+
+def options_with(data_sheet: list[str]) -> EstimationOptions:
+    """The default options with other deviations by data sheets, each such as ``load_cell_error=0.5%``.
+
+    Raises:
+        ConfigurationError: another form, an unknown name, or a deviation out of its range.
+    """
+    from dualwinch.toolbox import ConfigurationError, quantities
+    from dualwinch.toolboxes.identification.options import DEFAULTS
+
+    sheet = DEFAULTS.data_sheet
+    for text in data_sheet:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not hasattr(sheet, name):
+            hint = quantities.suggestion(name, vars(sheet))
+            raise ConfigurationError(f"--data-sheet {text}: must be NAME=DEVIATION, e.g. load_cell_error=0.5%; {hint}")
+        try:
+            deviation = float(value.removesuffix("%")) / (100 if value.endswith("%") else 1)
+        except ValueError:
+            raise ConfigurationError(f"--data-sheet {text}: must be a number or a percentage, e.g. 0.5%") from None
+        sheet = replace(sheet, **{name: deviation})
+    return replace(DEFAULTS, data_sheet=sheet)
 
 
 def prior_from(text: str) -> tuple[str, tuple[float, float]]:

@@ -16,7 +16,7 @@ from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.experiment_design import ExcitationDesign, excite
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.log import log_of
-from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.identification.options import DEFAULTS, DataSheetOptions
 from dualwinch.toolboxes.identification.resample import sections_of
 from dualwinch.toolboxes.identification.unknowns import unknown_parameters
 from tests.toolboxes.identification.conftest import machine
@@ -38,13 +38,14 @@ def test_what_is_expected_is_what_fits_come_to(designed: ExcitationDesign) -> No
     first log wider models are tried, and none is likelier; the others are fitted by the one described, which is
     quicker.
     """
-    as_described = replace(DEFAULTS, search=replace(DEFAULTS.search, nuisance_share=0.0))
+    perfect = replace(DEFAULTS, data_sheet=DataSheetOptions(**dict.fromkeys(vars(DEFAULTS.data_sheet), 0.0)))
+    as_described = replace(perfect, search=replace(DEFAULTS.search, nuisance_share=0.0))
     right = leaves(designed.experiment)
     truth = np.array([right[key] for key in designed.keys])
     offs, shares = [], []
     for seed in range(11, 15):
         log = log_of(simulate(override(designed.experiment, {"simulation.seed": seed})))
-        found = identify([log], KEYS, designed.experiment, options=as_described if offs else DEFAULTS)
+        found = identify([log], KEYS, designed.experiment, options=as_described if offs else perfect)
         assert not found.along
         shares.append(found.deviations / designed.deviations)
         offs.append((found.values - truth) / designed.deviations)
