@@ -21,6 +21,8 @@ from dualwinch.toolbox import (
     progresses,
     with_leaves,
 )
+from dualwinch.toolboxes.identification.alternatives import START_UNDER_WAY
+from dualwinch.toolboxes.identification.alternatives import without as alternatives_without
 from dualwinch.toolboxes.identification.diagnostics import (
     check_fit,
     check_log,
@@ -76,6 +78,7 @@ def identify(
     forces: bool = False,
     unrecorded: float | None = None,
     plain: bool = False,
+    without: Sequence[str] = (),
     options: EstimationOptions = DEFAULTS,
     workers: executors.Workers = None,
     progress: progresses.PhaseProgress = progresses.no_progress,
@@ -111,6 +114,7 @@ def identify(
             another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
         plain: whether to fit the experiment as described only, without alternatives: quick, and right where innovations
             are white and rows are at the controller's samples.
+        without: names of alternatives that are not tried (`identification.alternatives.ALTERNATIVES`), such as ``sea``.
         options: of the method.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         progress: called repeatedly with the share of the work that is done.
@@ -148,11 +152,11 @@ def identify(
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
     unknowns = unknown_parameters(names, experiment, known, options.search)
-    for log in given:
-        check_log(log, experiment, options.plausibility)
-    gap, least_rows = options.resampling.max_gap, options.resampling.min_rows
-    given = [with_vortex_origin(log.from_zero(), experiment, options) for log in given]
-    parts = [log.between_gaps(gap, least_rows) for log in given]
+    alternatives = alternatives_without(arguments.texts("without", without))
+    given = _checked_logs(given, experiment, options)
+    if START_UNDER_WAY in alternatives and not plain:
+        given = [with_vortex_origin(log, experiment, options) for log in given]
+    parts = [log.between_gaps(options.resampling.max_gap, options.resampling.min_rows) for log in given]
     found = [part for each in parts for part in each]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
     sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
@@ -160,7 +164,9 @@ def identify(
     def of_first(fraction: float, phase: str = "", status: str = "") -> None:
         progress(fraction / starts, phase, status)
 
-    choice = ModelChoice([log for log, _ in split], unknowns, options, executors.threads_of(workers), of_first)
+    choice = ModelChoice(
+        [log for log, _ in split], unknowns, options, executors.threads_of(workers), of_first, alternatives
+    )
     sections = sections_of(choice.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
     sea = not forces and experiment.plant.vehicle.water_density > GAS_DENSITY
@@ -168,9 +174,8 @@ def identify(
     method, n = model.method, len(unknowns)
     estimates = [*multistart(method, model.estimate, n, starts, seed, progress, workers), *model.others]
     estimates = sorted(estimates, key=lambda each: each.deviance)
-    excess = plausible(estimates[0])
-    readings = {name for log in given for name in log.readings}
-    alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], readings)
+    excess, recorded = plausible(estimates[0]), {name for log in given for name in log.readings}
+    alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], recorded)
     fitted, sheet = method.filters.sections, method.unknowns[len(model.method.unknowns) :]
     torques, diagnostics = [section.torques for section in fitted], options.diagnostics
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
@@ -258,6 +263,13 @@ def _logs(logs: Source | Sequence[Source], columns: Sequence[str] | Mapping[str,
         else read_log(source, named, csv)
         for source in sources
     ]
+
+
+def _checked_logs(logs: Sequence[Log], experiment: Experiment, options: EstimationOptions) -> list[Log]:
+    """Plausible logs, with times from their first rows on."""
+    for log in logs:
+        check_log(log, experiment, options.plausibility)
+    return [log.from_zero() for log in logs]
 
 
 def _check_different(sources: Sequence[Source]) -> None:

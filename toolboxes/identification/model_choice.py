@@ -17,6 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.toolbox import ConfigurationError, Experiment, physics, progresses
+from dualwinch.toolboxes.identification.alternatives import (
+    ALTERNATIVES,
+    INTERPOLATED_ROWS,
+    LOAD_CELL_LAG,
+    RECORDER_CLOCK,
+    SEA,
+    TORQUE_DELAY,
+    TORQUES_BETWEEN_ROWS,
+    VORTEX_PHASE,
+    WINCHES_AND_ROPES,
+    Alternative,
+)
 from dualwinch.toolboxes.identification.diagnostics import ImplausibleFitError, UnrecordedForceError, whiteness_tests
 from dualwinch.toolboxes.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.toolboxes.identification.likelihood import LOAD_CELLS
@@ -214,6 +226,7 @@ class ModelChoice:
     options: EstimationOptions
     threads: int | None
     progress: progresses.PhaseProgress
+    alternatives: frozenset[Alternative] = frozenset(ALTERNATIVES)
 
     def of(
         self,
@@ -234,7 +247,8 @@ class ModelChoice:
             DivergedFilterError: the filter diverges with every model.
             ConfigurationError: the estimate is refused, or a parameter without a prior has no effect at all.
         """
-        if plain:
+        sea = sea and SEA in self.alternatives
+        if plain or not self.alternatives:
             model = self._fitted(experiment, self.unknowns, "fitting", (0.0, 1.0))
             check(model.estimate)
             return model
@@ -260,7 +274,8 @@ class ModelChoice:
             found = self._with_load_cells_as_they_are(experiment, coarse, check, sea=sea)
         except (DivergedFilterError, ImplausibleFitError) as error:
             refusal = error
-        if not coarse and search.nuisance_share and not (found and found.white):
+        lag = LOAD_CELL_LAG in self.alternatives and search.nuisance_share
+        if not coarse and lag and not (found and found.white):
             lagged = self._with_load_cell_lag(found.experiment if found else experiment, found)
             if lagged.sensors != experiment.sensors:
                 with suppress(ConfigurationError):
@@ -291,8 +306,9 @@ class ModelChoice:
                 raise
         sound = plain if not refusal else None
         white = bool(sound and sound.white)
-        if sound and (not search.nuisance_share or (white and not (sea and self._other_vortices(sound)))):
-            return sound
+        only = WINCHES_AND_ROPES not in self.alternatives and not sea
+        if sound and (not search.nuisance_share or only or (white and not (sea and self._other_vortices(sound)))):
+            return sound if sound.finished else roughly()
         delayed = coarse or (experiment if white else self._with_delay(experiment))
         if plain and not coarse and delayed == experiment:
             if (
@@ -324,7 +340,8 @@ class ModelChoice:
         own, search = model.experiment.disturbance, self.options.search
         share = model.estimate.experiment.disturbance.vortex_amplitude / (own.vortex_amplitude or 1.0)
         if (
-            not own.vortex
+            VORTEX_PHASE not in self.alternatives
+            or not own.vortex
             or own.integrated_phase
             or search.negligible_amplitude < share < search.contradicting_amplitude
         ):
@@ -355,6 +372,8 @@ class ModelChoice:
         compensate a sample by inertia and damping. If it determines one delay clearly, no other is tried.
         """
         search = self.options.search
+        if TORQUE_DELAY not in self.alternatives:
+            return model
         lags = self._lags(model.experiment)
         *_, second, first = np.sort(lags).tolist()
         if lags[model.experiment.simulation.delay_samples] == first > search.delay_significance * second:
@@ -405,6 +424,8 @@ class ModelChoice:
             ConfigurationError: torques change between rows that are too far apart.
         """
         coarse, step = self.options.search.coarse, experiment.simulation.sample_time
+        if TORQUES_BETWEEN_ROWS not in self.alternatives:
+            return self, None
         if all(np.median(np.diff(log.t)) < coarse.min_spacing * step for log in self.logs):
             return self, None
         noise = replace(
@@ -435,8 +456,12 @@ class ModelChoice:
         step, simulation = experiment.simulation.sample_time, experiment.simulation
         spacings = [float(np.median(np.diff(log.t))) for log in self.logs]
         structure = predictor_structure(experiment)
+        kinds = [
+            kind for kind, each in ((False, RECORDER_CLOCK), (True, INTERPOLATED_ROWS)) if each in self.alternatives
+        ]
         if (
-            simulation.jitter
+            not kinds
+            or simulation.jitter
             or max(spacings) >= self.options.search.coarse.min_spacing * step
             or structure.integrator != ONE_STEP
         ):
@@ -461,8 +486,10 @@ class ModelChoice:
             return np.concatenate(pairs)
 
         noise = method_of(_delayed(experiment, simulation.delay_samples)).noise_at(start)
-        kinds = list(product(range(self.options.search.max_delay_samples + 1), (False, True)))
-        coarse = [(late, phase, kind) for late, kind in kinds for phase in PHASES[1::4]]
+        delays = range(self.options.search.max_delay_samples + 1)
+        if TORQUE_DELAY not in self.alternatives:
+            delays = (simulation.delay_samples,)
+        coarse = list(product(delays, PHASES[1::4], kinds))
         order = np.argsort(deviances([clocked(*each[:2], interpolated=each[2]) for each in coarse], noise)).tolist()
         likeliest = list(dict.fromkeys((coarse[each][0], coarse[each][2]) for each in order))
         noise = method_of(clocked(*coarse[order[0]][:2], interpolated=coarse[order[0]][2])).noise_at(start)
@@ -470,7 +497,7 @@ class ModelChoice:
         between = deviances([clocked(*each[:2], interpolated=each[2]) for each in fine], noise)
         late, phase, kind = fine[int(np.argmin(between))]
         if at_samples:
-            whole = [_delayed(experiment, each) for each in range(self.options.search.max_delay_samples + 1)]
+            whole = [_delayed(experiment, each) for each in delays]
             readings = sum(np.isfinite(log.columns[name]).sum() for log in self.logs for name in log.readings)
             if between.min() + math.log(readings) >= deviances(whole, noise).min():
                 return None
@@ -516,6 +543,8 @@ class ModelChoice:
 
     def _with_delay(self, experiment: Experiment) -> Experiment:
         """The experiment with the delay of the torques in the logs, if these determine it clearly."""
+        if TORQUE_DELAY not in self.alternatives:
+            return experiment
         search, significance = self.options.search, self._lags(experiment)
         delay, described = (
             int(np.argmax(significance[: search.max_delay_samples + 1])),

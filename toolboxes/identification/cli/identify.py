@@ -40,6 +40,7 @@ def identify(
         options.default_of(default_max_unrecorded, words="{:.0%}"),
     ] = None,
     plain: bool = False,
+    without: list[str] | None = None,
     data_sheet: list[str] | None = None,
     out: Path | None = None,
     plot: options.Figure = None,
@@ -68,6 +69,8 @@ def identify(
         unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
             another machine.
         plain: Fit the experiment as described only, without alternatives such as a recorder's own clock or a sea.
+        without: Alternative that is not tried: recorder-clock, interpolated-rows, torque-delay, torques-between-rows,
+            load-cell-lag, winches-and-ropes, sea, vortex-phase or start-under-way; may be repeated.
         data_sheet: Standard deviation of a sensor or motor by its data sheet, such as load_cell_error=0.5% or
             torque_error=0; may be repeated.
         out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
@@ -106,6 +109,7 @@ def identify(
             unrecorded=most,
             progress=progress,
             plain=plain,
+            without=without or [],
             options=options_with(data_sheet or []),
             **options.stated(hold_out=share, starts=starts),
         )
