@@ -188,20 +188,19 @@ def identify(
     white = all(test.white for test in beside_encoders or whiteness)
     wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
     precise = covariance_of(information, unknowns)
-    covariance = precise * np.outer(wider[:n], wider[:n])
+    values, covariance = model.averaged(
+        best.values[:n], precise * np.outer(wider[:n], wider[:n]), by_sheets=precise - perfect
+    )
     along = replace(model, method=method, estimate=best).along(n, wider)
     sheet_keys = {each.key for each in sheet}
     return IdentificationResult(
         experiment=with_leaves(
             experiment,
-            {
-                each.key: value
-                for each, value in zip(method.unknowns, best.values.tolist(), strict=True)
-                if each not in sheet and not each.key.startswith("recorder.")
-            },
+            {key: pair[0] for key, pair in along.items() if key not in sheet_keys and not key.startswith("recorder.")}
+            | dict(zip(names, values.tolist(), strict=True)),
         ),
         unknowns=unknowns,
-        values=best.values[:n],
+        values=values,
         covariance=covariance,
         unidentifiable=unidentifiable_directions(information, unknowns, diagnostics),
         noise=_sensor_noise(fitted, best),

@@ -66,6 +66,9 @@ PHASES = (np.arange(8) / 8 + 1 / 16).tolist()
 TOLERANCE = 1e-3
 """Relative error of a recorder's rate, at most."""
 
+NEGLIGIBLE_WEIGHT = 0.01
+"""Weight of other models that is not worth a note."""
+
 ONE_STEP = "adaptive"
 """Integrator that takes one step from sample to sample."""
 
@@ -79,12 +82,14 @@ class FittedModel:
         method: of the estimate; its unknowns are the requested parameters and, behind them, nuisance parameters.
         estimate: the best one.
         others: estimates from other starts.
+        rivals: models that it was compared with, each with the deviance above its own.
     """
 
     experiment: Experiment
     method: PredictionErrorMethod
     estimate: ParameterEstimate
     others: tuple[ParameterEstimate, ...] = ()
+    rivals: "tuple[tuple[float, FittedModel], ...]" = ()
 
     def notes(self, described: Experiment) -> tuple[str, ...]:
         """Differences of the model from the described experiment, in words."""
@@ -129,6 +134,12 @@ class FittedModel:
                 else "follows from speed and time"
             )
             found.append(f"the phase of the vortices {kind} (disturbance.integrated_phase), unlike the experiment's")
+        weights = [1.0, *(math.exp(-above / 2) for above, _ in self.rivals)]
+        if (share := 1 - 1 / sum(weights)) > NEGLIGIBLE_WEIGHT:
+            found.append(
+                f"another model is almost as likely (weight {share:.0%}), and estimates and deviations are averages of "
+                "both"
+            )
         return (*found, *self._sea_of_another_size(described))
 
     def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:
@@ -154,6 +165,23 @@ class FittedModel:
         deviations = wider * np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
         pairs = zip(estimate.values[count:].tolist(), deviations[count:].tolist(), strict=True)
         return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
+
+    def averaged(self, values: Floats, covariance: Floats, by_sheets: Floats) -> tuple[Floats, Floats]:
+        """(n,) values and (n, n) covariance of the first unknowns, averaged over this model and its rivals.
+
+        A part of the covariance is by data sheets, and the same for all of them. Each is weighted by its likelihood, so
+        that the average does not hang on which of two close models is chosen (Burnham and Anderson, Model Selection and
+        Multimodel Inference, 2002, Section 4.3).
+        """
+        n, weights = len(values), [1.0, *(math.exp(-above / 2) for above, _ in self.rivals)]
+        means, spreads = [values], [covariance]
+        for _, rival in self.rivals:
+            information = marginal(rival.estimate.information, rival.method.unknowns, n)
+            means.append(rival.estimate.values[:n])
+            spreads.append(covariance_of(information, rival.method.unknowns[:n]) + by_sheets)
+        mean = np.average(means, axis=0, weights=weights)
+        around = [spread + np.outer(each - mean, each - mean) for each, spread in zip(means, spreads, strict=True)]
+        return mean, np.average(around, axis=0, weights=weights)
 
     def contradicts(self, key: str, most: float) -> bool:
         """Whether the logs contradict the prior of an unknown: at a bound, or off by `most` expected deviations."""
@@ -323,12 +351,13 @@ class ModelChoice:
         candidates = list(dict.fromkeys((rubbing, self._with_sea(rubbing) if sea else rubbing)))
         lead = search.min_deviance_fall if white else 0.0
         found = self._likeliest(candidates, [sound] if sound else [], lead) or plain
-        if found and found is not plain and sea:
+        as_described = bool(plain and found and found.estimate is plain.estimate)
+        if found and not as_described and sea:
             found = self._with_likelier_phase(found)
-        if found is None or (found is plain and refusal):
+        if found is None or (as_described and refusal):
             raise refusal or AssertionError
-        if found is plain:
-            return found if found.finished else roughly()
+        if as_described:
+            return found if found.finished else replace(roughly(), rivals=found.rivals)
         return found if coarse else self._with_likelier_delay(found)
 
     def _with_likelier_phase(self, model: FittedModel) -> FittedModel:
@@ -347,7 +376,8 @@ class ModelChoice:
         ):
             return model
         other = replace(model.experiment, disturbance=replace(own, integrated_phase=True))
-        return self._likeliest([other], [model], 0.0) or model
+        compared = self._likeliest([other], [model], 0.0)
+        return replace(compared, rivals=(*compared.rivals, *model.rivals)) if compared else model
 
     def _with_sea(self, experiment: Experiment) -> Experiment:
         """An experiment with a sea, with the kind of the vortices' phase that logs show."""
@@ -611,8 +641,12 @@ class ModelChoice:
             return None
         found += others
         leads = [0.0] * (len(found) - len(others)) + [lead * len(found)] * len(others)
-        deviances = [self._deviance_with_all_noises(model, found) for model in found]
-        return found[int(np.argmin(np.subtract(deviances, leads)))]
+        deviances = np.subtract([self._deviance_with_all_noises(model, found) for model in found], leads) / len(found)
+        best = int(np.argmin(deviances))
+        above = zip((deviances - deviances[best]).tolist(), found, strict=True)
+        most = -2 * math.log(np.finfo(float).eps)  # beyond it a weight is lost in rounding
+        rivals = tuple(pair for pair in above if pair[1] is not found[best] and pair[0] < most)
+        return replace(found[best], rivals=rivals)
 
     def _deviance_with_all_noises(self, own: FittedModel, every: Sequence[FittedModel]) -> float:
         """The sum of a model's deviances with its own sea and the noise of sensors and torques of every model.
