@@ -519,7 +519,7 @@ class ModelChoice:
         delays = range(self.options.search.max_delay_samples + 1)
         if TORQUE_DELAY not in self.alternatives:
             delays = (simulation.delay_samples,)
-        coarse = list(product(delays, PHASES[1::4], kinds))
+        coarse = [(late, phase, kind) for late in delays for phase in PHASES[1::4] for kind in kinds]
         order = np.argsort(deviances([clocked(*each[:2], interpolated=each[2]) for each in coarse], noise)).tolist()
         likeliest = list(dict.fromkeys((coarse[each][0], coarse[each][2]) for each in order))
         noise = method_of(clocked(*coarse[order[0]][:2], interpolated=coarse[order[0]][2])).noise_at(start)

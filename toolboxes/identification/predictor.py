@@ -101,7 +101,8 @@ def recorded(experiment: Experiment, recorder: RecorderClock) -> RecordedExperim
     finer = replace(
         simulation, sample_time=simulation.sample_time / steps, delay_samples=steps * simulation.delay_samples
     )
-    return RecordedExperiment(**groups | {"simulation": finer}, recorder=recorder)
+    groups["simulation"] = finer
+    return RecordedExperiment(**groups, recorder=recorder)
 
 
 @dataclass(frozen=True)

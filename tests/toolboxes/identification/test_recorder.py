@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.toolboxes.identification.cli.identify import options_with
@@ -34,7 +35,7 @@ def resampled(rate: float, phase: float) -> Log:
 
 def clock_of(log: Log) -> RecordedExperiment | None:
     """The recorder that is likelier than rows at the samples of Case 4."""
-    return ModelChoice([log.from_zero()], (), DEFAULTS, None, lambda *_: None).likeliest_clock(case(4))
+    return ModelChoice([log.from_zero()], (), DEFAULTS, None, no_progress).likeliest_clock(case(4))
 
 
 def test_rows_at_the_samples_need_no_clock() -> None:
