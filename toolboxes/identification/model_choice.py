@@ -281,7 +281,13 @@ class ModelChoice:
             check(model.estimate)
             return model
         if clocked := self.likeliest_clock(experiment):
-            return self.with_torques_as_they_are(experiment, clocked, check, sea=sea)
+            if not self._at_samples(experiment):
+                return self.with_torques_as_they_are(experiment, clocked, check, sea=sea)
+            with suppress(DivergedFilterError, ImplausibleFitError):  # else it makes up for something else
+                model = self._fitted(clocked, self.unknowns, "fitting", (0.0, 0.4), unless=is_coloured)
+                check(model.estimate)
+                if model.white and model.finished:
+                    return model
         chosen, coarse = self.with_likeliest_torques(experiment)
         return chosen.with_torques_as_they_are(experiment, coarse, check, sea=sea)
 
@@ -498,7 +504,6 @@ class ModelChoice:
             return None
         start = np.zeros(0)
         samples, steps = round(self.options.noise.section_time / step), math.ceil(step / min(spacings) - TOLERANCE)
-        at_samples = steps == 1 and all(np.abs(each - np.rint(each)).max() < 0.1 for each in self._row_times(step))
 
         def method_of(described: Experiment) -> PredictionErrorMethod:
             sections = sections_of(self.logs, described, self.options.resampling)
@@ -526,17 +531,17 @@ class ModelChoice:
         fine = [(late, phase, kind) for late, kind in likeliest[:2] for phase in PHASES]
         between = deviances([clocked(*each[:2], interpolated=each[2]) for each in fine], noise)
         late, phase, kind = fine[int(np.argmin(between))]
-        if at_samples:
+        if self._at_samples(experiment):
             whole = [_delayed(experiment, each) for each in delays]
             readings = sum(np.isfinite(log.columns[name]).sum() for log in self.logs for name in log.readings)
             if between.min() + math.log(readings) >= deviances(whole, noise).min():
                 return None
         return recorded(_delayed(experiment, late), RecorderClock(phase * step, steps=steps, interpolated=kind))
 
-    def _row_times(self, step: float) -> Iterator[Floats]:
-        """Times of the rows of every log since its first one, in samples."""
-        for log in self.logs:
-            yield (log.t - log.t[0]) / step
+    def _at_samples(self, experiment: Experiment) -> bool:
+        """Whether all rows of a log are whole samples apart."""
+        times = [(log.t - log.t[0]) / experiment.simulation.sample_time for log in self.logs]
+        return all(np.median(np.diff(each)) > 0.9 and np.abs(each - np.rint(each)).max() < 0.1 for each in times)
 
     def likeliest_at_start(self, experiment: Experiment) -> tuple[float, Experiment]:
         """The least deviance at the start over all delays of the torques, and the experiment with that delay."""
