@@ -103,8 +103,9 @@ def table(ensemble: str, methods: Sequence[str], seeds: Sequence[int], rollouts:
         f"{method}: geometric mean of the medians {times(float(np.exp(np.log(values).mean())))}, "
         f"largest over smallest {max(values) / min(values):.2f}"
         for method, values in medians.items()
+        if len(values) > 1
     )
-    return f"{markdown(HEADINGS, rows)}\n\n*`{ensemble}`, {rollouts} rollouts; {spread}.*"
+    return f"{markdown(HEADINGS, rows)}\n\n*`{ensemble}`, {rollouts} rollouts{spread and f'; {spread}'}.*"
 
 
 def main() -> None:

@@ -84,10 +84,17 @@ BY_MARK = {
 BY_TYPE = {int: "it is a whole number", bool: "it is a switch", str: "it is a choice or a text", tuple: "it is a list"}
 """The same, by the type of a value."""
 
+OVERLOADS = ("push", "payload", "dropout_1", "dropout_2")
+
 BY_PREFIX = {
     "metrics.": "it affects no run, only a figure of merit",
     "reference.": "the reference is computed before a run",
     "sensors.outage": "outages begin and end with samples",
+    "sensors.fault_": "faults begin and end with samples",
+    **dict.fromkeys(
+        [f"disturbance.{load}.{time}" for load in OVERLOADS for time in ("start", "duration")],
+        "overloads begin and end with samples",
+    ),
     "controller.nominal.": "it sets the controller's nominal plant; use nominal.*",
 }
 """The same, by what a key begins with."""

@@ -10,8 +10,6 @@ from dualwinch.analysis.design import NOISE, Design, designed, tension_noise
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
-pytestmark = pytest.mark.slow
-
 
 def machine(base: Experiment, mass: float, rope: float, winch: dict[str, float], **values: Any) -> Experiment:
     """A machine on two equal steel wire ropes of a diameter in m."""
@@ -65,6 +63,7 @@ MACHINES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_machines_of_every_size_get_a_stable_start(name: str) -> None:
     design = designed(MACHINES[name])
@@ -75,11 +74,19 @@ def test_machines_of_every_size_get_a_stable_start(name: str) -> None:
     assert len(str(design).splitlines()) == 5
 
 
+def test_the_tensions_noise_is_proportional_to_the_sensors() -> None:
+    noises = {"sensors.position_noise": 1e-3, "sensors.speed_noise": 1e-2}
+    experiments = [dw.override(dw.case(4), {key: share * noise for key, noise in noises.items()}) for share in (1, 3)]
+    assert tension_noise(dw.case(4)) == 0
+    assert tension_noise(experiments[1]) == pytest.approx(3 * tension_noise(experiments[0]), rel=1e-6)
+
+
 @pytest.fixture(scope="module")
 def noisy() -> Design:
     return designed(dw.override(Experiment(), {"sensors.position_noise": 5e-3, "sensors.speed_noise": 2e-2}))
 
 
+@pytest.mark.slow
 def test_noise_lowers_the_bandwidth_until_no_rope_becomes_slack(noisy: Design) -> None:
     quiet = noisy.controller.limits.tension_min / 4
     assert not noisy.violations
@@ -87,6 +94,7 @@ def test_noise_lowers_the_bandwidth_until_no_rope_becomes_slack(noisy: Design) -
     assert noisy.shares.bandwidth < 0.5
 
 
+@pytest.mark.slow
 def test_the_tensions_noise_is_that_of_a_long_run(noisy: Design) -> None:
     """What noise adds near rest at mid-track, over half a minute, without the observer's rules for large errors."""
     still = {"reference.kind": "way-points", "reference.points": [25.0], "simulation.duration": 60.0}
@@ -96,6 +104,7 @@ def test_the_tensions_noise_is_that_of_a_long_run(noisy: Design) -> None:
     assert np.std(tensions[0] - tensions[1]) == pytest.approx(tension_noise(machine), rel=0.2)
 
 
+@pytest.mark.slow
 def test_gains_that_are_kept_stay_and_others_follow(noisy: Design) -> None:
     key = "controller.kalman.bandwidth"
     kept = designed(dw.override(noisy.experiment, {key: 7.0}), kept=[key])

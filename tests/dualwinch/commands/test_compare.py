@@ -239,7 +239,8 @@ def test_config_marks_what_is_still_the_papers(tmp_path: Path, capsys: pytest.Ca
     mine = tmp_path / "mine.toml"
     mine.write_text("[plant.vehicle]\nmass = 3000\n")
     main(["config", "--config", str(mine), "--set", "plant.vehicle.height=3.0"])
-    lines = {line.partition(" =")[0]: line.partition("# ")[2] for line in capsys.readouterr().out.splitlines()}
+    vehicle = capsys.readouterr().out.partition("[plant.vehicle]")[2].partition("\n[")[0]
+    lines = {line.partition(" =")[0]: line.partition("# ")[2] for line in vehicle.splitlines()}
     assert lines["mass"].startswith("[kg]")
     assert lines["height"].startswith("[m]")
     assert lines["diameter"].startswith("PAPER: [m]")

@@ -19,6 +19,7 @@ from dualwinch.toolboxes.identification.log import log_of
 from dualwinch.toolboxes.identification.options import DEFAULTS, DataSheetOptions
 from dualwinch.toolboxes.identification.resample import sections_of
 from dualwinch.toolboxes.identification.unknowns import unknown_parameters
+from tests.last_bit import SEEDS, perturbed
 from tests.toolboxes.identification.conftest import machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus")
@@ -125,3 +126,17 @@ def test_a_method_and_its_logs_are_freed_without_the_garbage_collector() -> None
         assert alive() is None
     finally:
         gc.enable()
+
+
+@pytest.mark.slow
+def test_a_motion_and_what_to_expect_of_it_do_not_hang_on_the_last_bit() -> None:
+    noisy = override(machine(), {"sensors.tension_noise": 10.0, "sensors.position_noise": 5e-4})
+    keys = ("plant.vehicle.mass", "plant.rope_1.modulus")
+    design = excite(keys, noisy, duration=10.0, trials=16)
+    for seed in SEEDS[:3]:
+        moved = replace(perturbed(noisy, seed), controller=noisy.controller)
+        near = excite(keys, moved, duration=10.0, trials=16)
+        np.testing.assert_allclose(near.experiment.reference.points, design.experiment.reference.points, rtol=1e-6)
+        np.testing.assert_allclose(
+            near.covariance, design.covariance, rtol=1e-6, atol=1e-9 * abs(design.covariance).max()
+        )
