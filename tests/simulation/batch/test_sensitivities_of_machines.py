@@ -262,6 +262,8 @@ REFUSED = {
     "sensors.encoder_counts": "it quantises a reading",
     "sensors.position_resolution": "it quantises a reading",
     "sensors.outage_length": "outages begin and end with samples",
+    "sensors.fault_start": "faults begin and end with samples",
+    "disturbance.push.start": "overloads begin and end with samples",
     "sensors.outage": "it is a choice or a text",
     "controller.kind": "it is a choice or a text",
     "controller.nftsm.p": "it is a whole number",
