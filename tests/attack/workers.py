@@ -15,7 +15,7 @@ from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.opening import open_store
-from dualwinch.tuning.study import SearchBudget, search
+from dualwinch.tuning.study import Search, SearchBudget
 from dualwinch.tuning.tuning_problem import definition_of, tuning_problem
 
 STUDY, TRIALS, METHOD = "attacked", 48, "random"
@@ -54,7 +54,7 @@ def _search(storage: str, ready: Any, *, resume: bool) -> None:
     store = open_store(storage, STUDY, task, definition_of(task, METHOD), resume=resume)
     training = prepare(task, workers=1)
     evaluator = Slow(training, workers=1)
-    search(METHOD, optimiser(METHOD, training, os.getpid()), store, evaluator, SearchBudget(TRIALS))
+    Search(METHOD, optimiser(METHOD, training, os.getpid()), store, evaluator).run(SearchBudget(TRIALS))
     store.close()
 
 
