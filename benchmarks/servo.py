@@ -9,7 +9,7 @@ squares of the filtered inverse model, reads the same logs beside it; ``--write`
 
 import argparse
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.log import Log, log
+from dualwinch.toolboxes.identification.options import DEFAULTS, DataSheetOptions
 from dualwinch.toolboxes.identification.result import IdentificationResult
 
 Floats = NDArray[np.float64]
@@ -101,7 +102,9 @@ def fitted(drive: Drive, *, lag: bool) -> IdentificationResult:
     settings |= {"actuator.kind": "motor"} if lag else {}
     keys = (*KEYS, LAG) if lag else KEYS
     nominal = override(Experiment(), settings | {key: BEGIN[key] for key in keys})
-    return identify(drive.log, keys, nominal, unrecorded=UNRECORDED)
+    # the log's force defines the unit of mass, as in the authors' method: the torque constant has no error
+    options = replace(DEFAULTS, data_sheet=DataSheetOptions(torque_error=0.0))
+    return identify(drive.log, keys, nominal, unrecorded=UNRECORDED, options=options)
 
 
 def column(drive: Drive, found: IdentificationResult) -> list[str]:

@@ -38,7 +38,7 @@ def chi_square_quantile(false_alarm: float) -> float:
     >>> round(chi_square_quantile(0.05), 3)
     3.841
     """
-    return NormalDist().inv_cdf(1 - false_alarm / 2) ** 2
+    return NormalDist().inv_cdf(false_alarm / 2) ** 2
 
 
 def is_improbable(innovation: Scalar, variance: Scalar, false_alarm: float) -> Scalar:

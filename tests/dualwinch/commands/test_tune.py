@@ -118,7 +118,7 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
 ) -> None:
     """By the function that `simulate` and `export` use."""
     words = "unstable at small amplitudes: at rest at 25 m deviations grow by 1.2 1/s"
-    monkeypatch.setattr("dualwinch.tuning.result.loop_remarks", lambda _: iter([words]))
+    monkeypatch.setattr("dualwinch.tuning.result.loop_notes", lambda _: iter([words]))
     assert dualwinch("tune", *SHORT, "--trials", 16, "--out", tmp_path) == 0
     printed = capsys.readouterr().out
     best, report = (tmp_path / "best.toml").read_text(), (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -141,7 +141,7 @@ def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     plugin, out = tmp_path / "spring.py", tmp_path / "out"
     plugin.write_text(SPRING)
     words = "unstable at small amplitudes: at rest at 25 m (dualwinch linearise --loop closed --x 25)"
-    monkeypatch.setattr("dualwinch.tuning.result.loop_remarks", lambda _: iter([words]))
+    monkeypatch.setattr("dualwinch.tuning.result.loop_notes", lambda _: iter([words]))
     law = ("--plugin", plugin, "--set", "controller.kind=spring", "--constraint", "none")
     assert dualwinch("tune", *law, "--case", 4, "--set", "simulation.duration=0.1", "--trials", 4, "--out", out) == 0
     said = capsys.readouterr()
