@@ -49,6 +49,12 @@ proportional gain on the tension."""
 FEEDBACK = 2.0 + OBSERVER + TENSION_INTEGRAL
 """What returns from a drum's speed in 1/s over the bandwidth: kv + L + ki G/R."""
 
+LEAD = 0.4
+"""Lead of the drums' damping as a share of the drives' lag.
+
+It doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
+frequencies above that resonance: the delay margin on short ropes shrinks.
+"""
 
 LINEAR_SPEED = 0.01
 """Speed error in m/s above which the law stays linear with any smoothing, so that a search may lower that."""
@@ -161,9 +167,8 @@ def designed_controller(
     bandwidth = bandwidth_of(bandwidth_limits(controller, plant, timing, shares), shares)
     vehicle_mass = float(inertia(nominal_plant(controller.nominal, plant, controller.limits.preload).vehicle))
     gains = _law(controller, vehicle_mass, bandwidth, largest_speed_error, shares.integral)
-    stretches = []
+    length, tension, stretches = plant.track.length / 2, controller.limits.preload / 2, []
     for side in plant.sides:
-        length, tension = plant.track.length / 2, controller.limits.preload / 2
         stretches.append(tension * length / float(tangent_rigidity(side.rope, tension, length, plant.track)))
         winch, radius = f"winch_{side.number}", side.winch.drum_radius
         lever = radius / side.winch.gear_ratio
@@ -183,14 +188,6 @@ def designed_controller(
         gains["kalman.speed_noise"] = 1.5 * speed_noise
     known = leaves(controller)
     return with_leaves(controller, {key: value for key, value in gains.items() if key in known})
-
-
-LEAD = 0.4
-"""Lead of the drums' damping as a share of the drives' lag.
-
-It doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
-frequencies above that resonance: the delay margin on short ropes shrinks.
-"""
 
 
 def _law(
