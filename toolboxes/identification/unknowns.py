@@ -191,13 +191,7 @@ def data_sheet_parameters(
         if f"F{number}" in readings:
             deviations[f"sensors.load_cell_error_{number}"] = sheet.load_cell_error
             deviations[f"sensors.load_cell_zero_{number}"] = sheet.load_cell_zero * full_scale
-    values = leaves(experiment)
-    priors = {
-        key: Prior(float(values[key]), deviation)
-        for key, deviation in deviations.items()
-        if deviation and key not in keys
-    }
-    return unknown_parameters(tuple(priors), experiment, priors, options.search)
+    return _uncertain(deviations, keys, experiment, options)
 
 
 def clock_parameters(
@@ -210,6 +204,13 @@ def clock_parameters(
         "recorder.phase": experiment.simulation.sample_time,
         "recorder.rate_error": options.data_sheet.clock_rate,
     }
+    return _uncertain(deviations, keys, experiment, options)
+
+
+def _uncertain(
+    deviations: Mapping[str, float], keys: Sequence[str], experiment: Experiment, options: EstimationOptions
+) -> tuple[UnknownParameter, ...]:
+    """Parameters except `keys`, with priors of these deviations about the experiment's values; 0: left out."""
     values = leaves(experiment)
     priors = {
         key: Prior(float(values[key]), deviation)
