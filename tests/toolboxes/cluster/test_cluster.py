@@ -233,6 +233,8 @@ def test_a_worker_that_cannot_compile_is_named_in_one_line(tmp_path: Path) -> No
         dask.start_worker(
             environment={"DUALWINCH_CC": "/nowhere/cc", "DUALWINCH_CACHE_DIR": str(tmp_path / "empty-cache")}
         )
+        with cluster_client(dask.address) as client:  # else the command may be there first, and waits
+            client.wait_for_workers(1, timeout=60)
         ran = command("simulate", "--ensemble", "sea", "--scenarios", "8", "--cluster", dask.address)
         said = ran.communicate(timeout=120)[1]
     assert ran.returncode == 1
