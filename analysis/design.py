@@ -115,7 +115,7 @@ class Design:
 
     def __str__(self) -> str:
         """The bandwidth, what limits it, and the margins, in five lines."""
-        limit, *others = self.limits
+        limit, *further_limits = self.limits
         timing = timing_of(self.experiment)
         lags = f"drive {1e3 * timing.drive:.3g} ms, load cell {1e3 * timing.load_cell:.3g} ms"
         samples = f"{1.5 + timing.delay_samples:g} samples {1e3 * timing.sampling:.3g} ms"
@@ -129,7 +129,7 @@ class Design:
         return "\n".join(
             (
                 f"bandwidth {self.bandwidth:.3g} rad/s; the machine allows {limit}",
-                f"beyond that: {', '.join(str(each) for each in others)}",
+                f"beyond that: {', '.join(str(each) for each in further_limits)}",
                 f"lag {1e3 * timing.lag:.3g} ms: {lags}, {samples}",
                 f"margins and noise leave {', '.join(shares) or 'all of it'}; noise of a tension {self.noise:.3g} N",
                 f"least margins of {self.machines} machine{'s' * (self.machines > 1)}: {margins}{below}{unsteady}",
@@ -155,13 +155,13 @@ def timing_of(experiment: Experiment) -> LoopTiming:
 def with_designed_parts(experiment: Experiment) -> Experiment:
     """The experiment with the parts of a design in place of those that do not have its gains."""
     controller = experiment.controller
-    known = leaves(controller)
+    values = leaves(controller)
     if not isinstance(controller.law, SLIDING_MODE):
         controller = replace(controller, law=FandoNftsm())
     sags = any(present(side.rope.submerged_weight) for side in experiment.plant.sides)
-    if "kalman.bandwidth" not in known:  # only the self-calibrating filter knows sag
+    if "kalman.bandwidth" not in values:  # only the self-calibrating filter knows sag
         controller = replace(controller, estimator=SelfCalibratingKalman() if sags else CalibratingKalman())
-    if "winch_1.damping" not in known or (sags and not isinstance(controller.coordination, ProportionalTension)):
+    if "winch_1.damping" not in values or (sags and not isinstance(controller.coordination, ProportionalTension)):
         controller = replace(controller, coordination=ProportionalTension())
     return replace(experiment, controller=controller)
 
@@ -226,8 +226,9 @@ def designed(
     base = machine.experiment if isinstance(machine, Ensemble) else machine
     base = formula_design(with_designed_parts(base), kept=kept)
     prepare(base)
-    drawn = replace(machine, experiment=base).chosen(range(draws), seed) if isinstance(machine, Ensemble) else []
-    machines: list[Experiment | Scenario] = [base, *drawn]
+    ensemble = machine if isinstance(machine, Ensemble) else None
+    scenarios = replace(ensemble, experiment=base).chosen(range(draws), seed) if ensemble else []
+    machines: list[Experiment | Scenario] = [base, *scenarios]
     amplitudes = sorted({base.sensors.speed_noise, 0.01, LARGEST_SPEED_ERROR})
     names = [name for name in parameters_of(base) if name.startswith("controller.")]
     survey = MarginSurvey(machines, names, amplitudes=amplitudes, compiled=compiled)

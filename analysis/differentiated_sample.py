@@ -76,28 +76,28 @@ class DifferentiatedSample:
             The motion a sample later and the values at the sample, both `Differentiated`; then the further outputs
             (s, elements).
         """
-        values, hold, *further, transposed = self._results(state, exogenous, parameters, *others)
+        values, hold, *facts, transposed = self._results(state, exogenous, parameters, *others)
         slopes = transposed.swapaxes(1, 2)
         count = values.shape[1]
         with np.errstate(over="ignore", invalid="ignore"):  # diverging points
-            moved = self._moved(state[:, : self._moving], hold, parameters)
-            along = moved.slopes[:, :, self._moving :] @ slopes[:, count:]
+            motion = self._moved(state[:, : self._moving], hold, parameters)
+            motion_slopes = motion.slopes[:, :, self._moving :] @ slopes[:, count:]
             columns, motions = self._begun
-            along[:, :, columns] += moved.slopes[:, :, motions]
-        return Differentiated(moved.values, along), Differentiated(values, slopes[:, :count]), *further
+            motion_slopes[:, :, columns] += motion.slopes[:, :, motions]
+        return Differentiated(motion.values, motion_slopes), Differentiated(values, slopes[:, :count]), *facts
 
     def _moved(self, motion: Floats, hold: Floats, parameters: Floats) -> Differentiated:
         """The motion a sample later, by motion and hold at the sample: in one step where valid, else in all parts."""
         if self._one_step is None:
             return self._in_parts(motion, hold, parameters)
         values, valid, transposed = self._one_step(motion, hold, parameters)
-        quick, is_valid = Differentiated(values, transposed.swapaxes(1, 2)), valid.reshape(-1) > 0
+        single_step, is_valid = Differentiated(values, transposed.swapaxes(1, 2)), valid.reshape(-1) > 0
         if is_valid.all():
-            return quick
-        careful = self._in_parts(motion, hold, parameters)
+            return single_step
+        stepwise = self._in_parts(motion, hold, parameters)
         return Differentiated(
-            np.where(is_valid[:, None], quick.values, careful.values),
-            np.where(is_valid[:, None, None], quick.slopes, careful.slopes),
+            np.where(is_valid[:, None], single_step.values, stepwise.values),
+            np.where(is_valid[:, None, None], single_step.slopes, stepwise.slopes),
         )
 
     def _in_parts(self, motion: Floats, hold: Floats, parameters: Floats) -> Differentiated:
@@ -154,10 +154,10 @@ def _motion_with_slopes(function: ca.Function, *, merged: bool) -> ca.Function:
     inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
     outputs = dict(zip(function.name_out(), function.call([*inputs.values()]), strict=True))
     columns = tuple((name, index) for name in ("motion", "hold") for index in range(inputs[name].numel()))
-    values, further = (
+    values, validity = (
         {name: outputs[name] for name in names if name in outputs} for names in (["next_motion"], ["valid"])
     )
-    return _with_slopes(function.name(), inputs, values, further, columns, merged=merged)
+    return _with_slopes(function.name(), inputs, values, validity, columns, merged=merged)
 
 
 @built_once
@@ -167,15 +167,15 @@ def _part_with_slopes(move: ca.Function, *, merged: bool) -> ca.Function:
     The state is the motion, and row by row its derivatives by motion and hold at the sample; hold and parameters are
     constant.
     """
-    rows, held = move.size1_in("motion"), move.size1_in("hold")
-    state = ca.SX.sym("state", rows * (1 + rows + held))
-    constant, number = ca.SX.sym("constant", held + move.size1_in("parameters")), ca.SX.sym("number")
-    before = ca.reshape(state[rows:], rows + held, rows).T
-    arguments = state[:rows], constant[:held], number, constant[held:]
-    moved, transposed = _motion_with_slopes(move, merged=merged)(*arguments)
+    rows, hold_size = move.size1_in("motion"), move.size1_in("hold")
+    state = ca.SX.sym("state", rows * (1 + rows + hold_size))
+    constant, number = ca.SX.sym("constant", hold_size + move.size1_in("parameters")), ca.SX.sym("number")
+    before = ca.reshape(state[rows:], rows + hold_size, rows).T
+    arguments = state[:rows], constant[:hold_size], number, constant[hold_size:]
+    motion, transposed = _motion_with_slopes(move, merged=merged)(*arguments)
     slopes = ca.sparsify(transposed.T)
     after = slopes[:, :rows] @ before + ca.horzcat(ca.SX(rows, rows), slopes[:, rows:])
-    following = ca.vertcat(moved, ca.vec(ca.densify(after).T))
+    following = ca.vertcat(motion, ca.vec(ca.densify(after).T))
     names = ["state", "constant", "number"], ["next"]
     return ca.Function("part", [state, constant, number], [following], *names, {"cse": merged})
 

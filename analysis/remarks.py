@@ -77,30 +77,30 @@ def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str
     ropes are merged, as ``winch_*``.
     """
     values, usual = leaves(experiment), leaves(Experiment())
-    said: dict[str, dict[str, None]] = {}
-    for key, others in DEPENDENT.items():
-        changed = [other for other in others if values.get(other) != usual[other]]
+    remarks_by_cause: dict[str, dict[str, None]] = {}
+    for key, causes in DEPENDENT.items():
+        changed = [other for other in causes if values.get(other) != usual[other]]
         if changed and key not in own and key in values and values[key] == usual.get(key):
-            said.setdefault(", ".join(changed), {})[f"{key} = {values[key]:g}"] = None
-    alike: dict[str, list[str]] = {}
-    for others, keys in said.items():
-        both = said.get(swapped(others))
+            remarks_by_cause.setdefault(", ".join(changed), {})[f"{key} = {values[key]:g}"] = None
+    merged: dict[str, list[str]] = {}
+    for causes, keys in remarks_by_cause.items():
+        both = remarks_by_cause.get(swapped(causes))
         if both is not None and list(map(swapped, keys)) == list(both):
-            alike[starred(others)] = list(map(starred, keys))
+            merged[starred(causes)] = list(map(starred, keys))
         else:
-            alike[others] = list(keys)
+            merged[causes] = list(keys)
     return [
-        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; "
+        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {causes}; "
         f"if intended, give {'them' if len(keys) > 1 else 'it'}"
-        for others, keys in alike.items()
+        for causes, keys in merged.items()
     ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own)]
 
 
 def _drag_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
     """Remark that a given drag area may include the drag coefficient, which is still the paper's."""
     area, coefficient = "plant.vehicle.drag_area", "plant.vehicle.drag_coefficient"
-    given = area in own or values[area] != usual[area]
-    if given and coefficient not in own and values[coefficient] == usual[coefficient]:
+    described = area in own or values[area] != usual[area]
+    if described and coefficient not in own and values[coefficient] == usual[coefficient]:
         yield (
             f"{coefficient} = {usual[coefficient]:g}: still the paper's, times drag_area = {values[area]:g} m^2; where "
             "that is a drag area Cd A, give drag_coefficient = 1"
@@ -127,9 +127,9 @@ def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Col
         if max(values[key] / usual[key], usual[key] / values[key]) > factor
     ]
     keys = {name: f"controller.coordination.{name}" for name in TENSIONS}
-    left = [name for name, key in keys.items() if key not in own and values.get(key) == usual[key]]
-    if resized and left:
-        tensions = ", ".join(f"{name} = {usual[keys[name]]:g}" for name in left)
+    defaults = [name for name, key in keys.items() if key not in own and values.get(key) == usual[key]]
+    if resized and defaults:
+        tensions = ", ".join(f"{name} = {usual[keys[name]]:g}" for name in defaults)
         sizes = ", ".join(dict.fromkeys(starred(key) if swapped(key) in resized else key for key in resized))
         yield (
             f"controller.coordination: {tensions} N: still of the paper's ropes and motors, not following {sizes}; "
@@ -196,7 +196,7 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
     limits, described = limits or RemarkLimits(), describe_parts(experiment)
     defaults = {key: (value, "the default") for key, value in leaves(Experiment()).items()}
     usual = defaults | {key: (value, "a typical value") for key, value in TYPICAL.items()}
-    found = list[str]()
+    improbable = list[str]()
     for key, value in leaves(experiment).items():
         reference, words = usual.get(key, (None, ""))
         if not (isinstance(value, float) and isinstance(reference, float) and min(value, reference) > 0):
@@ -205,10 +205,10 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
         if key.startswith(MACHINE) and unit not in {"", "1"}:
             ratio = value / reference
             if max(ratio, 1 / ratio) >= limits.unusual:
-                found.append(
+                improbable.append(
                     f"{key} = {value:g} {unit} is {ratio:.2g} times {words}, {reference:g} {unit}: check its unit"
                 )
-    return found
+    return improbable
 
 
 NOT_COMPUTABLE = (DualwinchError, ArithmeticError, np.linalg.LinAlgError)
@@ -370,11 +370,11 @@ def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
     middle = experiment.plant.track.length / 2
     try:
         point = loop_operating_point(experiment, middle, 0.0)
-        found = {each: margins(without_idle_states(loop_opened_at(point, each))) for each in LOOP_OPENINGS}
+        margins_at = {each: margins(without_idle_states(loop_opened_at(point, each))) for each in LOOP_OPENINGS}
     except NOT_COMPUTABLE:
         return
-    opening, worst = min(found.items(), key=lambda each: each[1].delay)
-    if worst.delay < least and all(each.stable for each in found.values()):
+    opening, worst = min(margins_at.items(), key=lambda each: each[1].delay)
+    if worst.delay < least and all(each.stable for each in margins_at.values()):
         yield (
             f"the loop tolerates {1e3 * worst.delay:.2g} ms of further delay at {opening}, at rest at {middle:g} m; a "
             f"sample takes {1e3 * experiment.simulation.sample_time:g} ms "

@@ -152,12 +152,12 @@ def resonance_terms(
     names = list(structure.parameters)
     p, q, smoothing = (parameters[:, names.index(f"controller.nftsm.{name}")] for name in ("p", "q", "smoothing"))
     linear = parameters[:, names.index(LINEAR_SPEED)] if LINEAR_SPEED in names else 0.0
-    found = []
+    terms = []
     for amplitude in amplitudes:
         slopes = describing_gain(amplitude, 2 - p / q, smoothing), describing_gain(amplitude, p / q, smoothing, linear)
         inputs = np.array([x, np.full_like(x, amplitude), *slopes])
-        found.append(_terms(structure)(parameters.T, inputs).full().T.reshape(len(x), 2, -1))
-    return np.stack(found, axis=1)
+        terms.append(_terms(structure)(parameters.T, inputs).full().T.reshape(len(x), 2, -1))
+    return np.stack(terms, axis=1)
 
 
 @built_once
@@ -173,7 +173,7 @@ def _terms(structure: LoopStructure) -> ca.Function:
     gains, coordination, no_loop = controller.law.nftsm, controller.coordination, WinchGains(0.0, 0.0)
     slope = gains.beta * gains.q / gains.p * terminal + (gains.eta + gains.k / gains.phi) / gains.beta * surface
     inertia_ratio = inertia(nominal.vehicle) / inertia(plant.vehicle)
-    found = []
+    terms = []
     for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True):
         winch, rope = side.winch, side.rope
         loop = getattr(coordination, f"winch_{side.number}", no_loop).on(length, plant.track)
@@ -184,8 +184,8 @@ def _terms(structure: LoopStructure) -> ca.Function:
         omega = sqrt(spring / mass)
         feedback = inertia_ratio * (slope + _observer_gain(controller.law, amplitude, omega)) + loop.ki * to_force
         damping = own_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
-        found += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
-    return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*found))])
+        terms += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
+    return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*terms))])
 
 
 def _observer_gain(law: FandoNftsm, amplitude: Scalar, omega: Scalar) -> Scalar:

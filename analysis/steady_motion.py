@@ -175,26 +175,27 @@ def loop_operating_points(
     else:
         start, cold = replace(begun, parameters=accepting), np.flatnonzero(~begun.repeats)
         if len(cold):
-            known = None if near is None else near[cold]
-            start[cold] = _first_guesses(structure, sample, accepting[cold], x[cold], v[cold], known)
-    found = _newton(sample, start, ITERATIONS)
-    away = np.flatnonzero(~found.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
+            guess = None if near is None else near[cold]
+            start[cold] = _first_guesses(structure, sample, accepting[cold], x[cold], v[cold], guess)
+    solution = _newton(sample, start, ITERATIONS)
+    away = np.flatnonzero(~solution.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
     if len(away):
-        known, mid_track = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
-        middle = _first_guesses(structure, sample, accepting[away], mid_track, v[away], known)
+        guess, mid_track = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
+        middle = _first_guesses(structure, sample, accepting[away], mid_track, v[away], guess)
         middle = _completed_by_least_squares(sample, middle, _newton(sample, middle, ITERATIONS))
         away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
         if len(away):
-            there = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
-            found[away[there.steady]] = there[np.flatnonzero(there.steady)]
-    found = _completed_by_least_squares(sample, start, found)
+            shifted = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
+            solution[away[shifted.steady]] = shifted[np.flatnonzero(shifted.steady)]
+    solution = _completed_by_least_squares(sample, start, solution)
     if sample.learnt.size:
-        found = _newton(sample, replace(found, parameters=parameters), ITERATIONS)
+        solution = _newton(sample, replace(solution, parameters=parameters), ITERATIONS)
     nearby = (
-        sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
+        sample.evaluate(state, solution.outside, solution.parameters, solution.leaving)[2]
+        for state in neighbours(solution.state)
     )
-    found.slopes = without_round_off(found.slopes, *nearby)
-    return found
+    solution.slopes = without_round_off(solution.slopes, *nearby)
+    return solution
 
 
 def _with_values(sample: "_OpenSample", parameters: Floats, values: Mapping[str, float]) -> Floats:
@@ -222,16 +223,16 @@ def _shifted(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOpera
 
 
 def _completed_by_least_squares(
-    sample: "_OpenSample", start: LoopOperatingPoints, found: LoopOperatingPoints
+    sample: "_OpenSample", start: LoopOperatingPoints, solution: LoopOperatingPoints
 ) -> LoopOperatingPoints:
     """The solutions, completed by damped least-squares steps from both kinds of initial guess where none was found."""
     for limited in (False, True):
-        again = np.flatnonzero(~found.repeats)
-        if not len(again):
+        unsolved = np.flatnonzero(~solution.repeats)
+        if not len(unsolved):
             break
-        begun = start[again] if limited else _without_limits(sample, start[again])
-        found[again] = _newton(sample, begun, LEAST_SQUARES_ITERATIONS, damped=True, least_squares=True)
-    return found
+        begun = start[unsolved] if limited else _without_limits(sample, start[unsolved])
+        solution[unsolved] = _newton(sample, begun, LEAST_SQUARES_ITERATIONS, damped=True, least_squares=True)
+    return solution
 
 
 def force_stays(structure: LoopStructure, found: LoopOperatingPoints) -> bool:
@@ -260,9 +261,9 @@ def _following(loop: ClosedLoop, state: Floats, outside: Floats, parameters: Flo
     discrete, hold = (vector.full().ravel() for vector in loop.sample(state, outside, parameters))
     motion = state[: loop.move.numel_in("motion")]
     if loop.one_step:
-        moved, _, valid = loop.one_step(motion, hold, parameters)
+        next_motion, _, valid = loop.one_step(motion, hold, parameters)
         if float(valid) > 0:
-            return np.append(moved.full().ravel(), discrete)
+            return np.append(next_motion.full().ravel(), discrete)
     for part in range(loop.parts):
         motion = loop.move(motion, hold, part, parameters)[0].full().ravel()
     return np.append(motion, discrete)
@@ -353,14 +354,14 @@ class _OpenSample:
             changes of the inner forces over the sample. Facts as in `LoopOperatingPoints`. Slopes, (s, n + 3 + f,
             n + 4): the derivatives of the values with respect to kept states, reference position and injected signals.
         """
-        moved, at_sample, facts = self._sample(state, exogenous, parameters, leaving)
+        motion, at_sample, facts = self._sample(state, exogenous, parameters, leaving)
         before, slopes_before = self._forces(state[:, : self._moving], parameters)
-        after, slopes_after = self._forces(moved.values, parameters)
+        after, slopes_after = self._forces(motion.values, parameters)
         with np.errstate(over="ignore", invalid="ignore"):  # diverging points
-            slopes = slopes_after @ moved.slopes
+            slopes = slopes_after @ motion.slopes
             slopes[:, :, : len(self._kept_motions)] -= slopes_before[:, :, self._kept_motions]
-            values = moved.values[:, self._kept_motions], at_sample.values, after - before
-        slopes = moved.slopes[:, self._kept_motions], at_sample.slopes, slopes
+            values = motion.values[:, self._kept_motions], at_sample.values, after - before
+        slopes = motion.slopes[:, self._kept_motions], at_sample.slopes, slopes
         return np.concatenate(values, axis=1), facts, np.concatenate(slopes, axis=1)
 
 
@@ -385,9 +386,9 @@ def _open_results(structure: LoopStructure) -> ca.Function:
     arguments = [ca.SX.sym(name, opened.sample.size1_in(name)) for name in opened.sample.name_in()]
     discrete, hold, returned = opened.sample(*arguments)
     moving = opened.move.numel_in("motion")
-    kept = [index - moving for index in np.flatnonzero(_is_kept(opened)).tolist() if index >= moving]
+    discrete_states = [index - moving for index in np.flatnonzero(_is_kept(opened)).tolist() if index >= moving]
     facts = opened.observe(*arguments)[[opened.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
-    outputs = {"values": ca.vertcat(discrete[kept], returned), "hold": hold, "facts": facts}
+    outputs = {"values": ca.vertcat(discrete[discrete_states], returned), "hold": hold, "facts": facts}
     return ca.Function("open_sample", arguments, [*outputs.values()], opened.sample.name_in(), [*outputs])
 
 
@@ -417,8 +418,10 @@ def _informing_function(structure: LoopStructure) -> ca.Function:
     _, measurement = measure(now.motion.plant, pulls, Noise(), now.readings, plant, parts.sensors, sample_time)
     context = Context(nominal, parts.controller.limits, sample_time)
     estimator, error = parts.controller.estimator, parts.sensors.speed_error
-    known = leaves(estimator.informed(now.controller.estimator, measurement, plant, error, context), ESTIMATOR)
-    learnt = [known[name] for name, there in zip(loop.states, loop.marked(Mark.LEARNT), strict=True) if there]
+    estimate = leaves(estimator.informed(now.controller.estimator, measurement, plant, error, context), ESTIMATOR)
+    learnt = [
+        estimate[name] for name, is_learnt in zip(loop.states, loop.marked(Mark.LEARNT), strict=True) if is_learnt
+    ]
     return ca.Function("informing", [state, parameters], [ca.vertcat(*learnt)], ["state", "parameters"], ["learnt"])
 
 
@@ -427,10 +430,10 @@ def _first_guesses(
 ) -> LoopOperatingPoints:
     """Initial guess, the perfect controller: no errors, tensions as commanded."""
     loop, count, n = sample.loop, len(x), len(sample.kept)
-    given = dict(zip(loop.parameters, parameters.T, strict=True))
-    preload, lower = given[f"{LIMITS}preload"], given[f"{LIMITS}tension_min"]
-    upper, calm = given[f"{LIMITS}tension_max"] - given[f"{LIMITS}reserve"], np.zeros_like(x)
-    of_plant = np.array([values for name, values in given.items() if name.startswith("plant.")])
+    values = dict(zip(loop.parameters, parameters.T, strict=True))
+    preload, lower = values[f"{LIMITS}preload"], values[f"{LIMITS}tension_min"]
+    upper, calm = values[f"{LIMITS}tension_max"] - values[f"{LIMITS}reserve"], np.zeros_like(x)
+    of_plant = np.array([column for name, column in values.items() if name.startswith("plant.")])
     point = operating_point_law(structure.plant)(np.array([x, v, preload, calm, calm, lower, upper]), of_plant).full()
     state = start_function(structure)(parameters.T, calm[np.newaxis]).full().T
     state[:, sample.plant] = point[:-4].T
@@ -463,7 +466,7 @@ def _first_guesses(
         state,
         outside,
         leaving,
-        carried=v * given["simulation.sample_time"],
+        carried=v * values["simulation.sample_time"],
         kept=sample.kept,
         repeats=np.zeros(count, bool),
         facts=np.full((count, 4), np.nan),
@@ -506,35 +509,35 @@ def _newton(
     """
     points = start[np.arange(len(start.state))]
     count = len(points.state)
-    excess, left = np.full(count, np.inf), np.full(count, np.inf)
+    excess, step_size = np.full(count, np.inf), np.full(count, np.inf)
     active = np.arange(count)
     for _ in range(iterations):
         at = points[active]
-        found, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
+        next_values, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
         values = np.hstack([at.state[:, sample.kept], at.leaving])
-        rest, matrix, counted, unknown = _equations(sample, found, values, at)
+        residual, matrix, counted, unknown = _equations(sample, next_values, values, at)
         sizes, last = np.maximum(np.abs(values), 1.0), excess[active]
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
-        at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
+        at.residual = np.where(counted, np.abs(residual) / sizes, 0.0).max(axis=1)
         with np.errstate(invalid="ignore"):  # both are infinite for diverging points, and so is `excess`
-            beyond = np.where(counted, (np.abs(rest) - rounding) / sizes, 0.0).max(axis=1)
-        excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), beyond, np.inf)
+            significant = np.where(counted, (np.abs(residual) - rounding) / sizes, 0.0).max(axis=1)
+        excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), significant, np.inf)
         points[active] = at
         going = np.isfinite(excess[active])
-        going &= ~((last < RESIDUAL) & (excess[active] >= last / 2) & (left[active] < STEP))
+        going &= ~((last < RESIDUAL) & (excess[active] >= last / 2) & (step_size[active] < STEP))
         active = active[going]
         if not len(active):
             break
         at, matrix, unknown, sizes = points[active], matrix[going], unknown[going], sizes[going]
         sizes[:, sample.x] = np.maximum(np.abs(at.outside[:, sample.reference]), 1.0)
 
-        def solved(rest: Floats, matrix: Floats = matrix, unknown: Flags = unknown) -> Floats:
-            return _step(matrix, rest, unknown, least_squares=least_squares)
+        def solved(residual: Floats, matrix: Floats = matrix, unknown: Flags = unknown) -> Floats:
+            return _step(matrix, residual, unknown, least_squares=least_squares)
 
-        step = solved(rest[going])
-        left[active] = (np.abs(step) / sizes).max(axis=1)
+        step = solved(residual[going])
+        step_size[active] = (np.abs(step) / sizes).max(axis=1)
         points[active] = _moved(sample, at, _damping(sample, at, step, sizes, solved) * step if damped else step)
-    points.repeats = (excess < RESIDUAL) & (left < STEP)
+    points.repeats = (excess < RESIDUAL) & (step_size < STEP)
     return points
 
 
@@ -555,17 +558,17 @@ def _damping(
     for Nonlinear Problems*, 3.3): a smooth sign function has almost no slope outside its boundary layer, so that full
     steps would oscillate across it.
     """
-    share, whole = np.ones((len(step), 1)), (np.abs(step) / sizes).max(axis=1, keepdims=True)
+    share, full_size = np.ones((len(step), 1)), (np.abs(step) / sizes).max(axis=1, keepdims=True)
     for _ in range(DAMPINGS):
-        moved = _moved(sample, at, share * step)
-        found, _, moved.slopes = sample.evaluate(moved.state, moved.outside, moved.parameters, moved.leaving)
-        rest, *_ = _equations(sample, found, np.hstack([moved.state[:, sample.kept], moved.leaving]), moved)
-        following = solved(rest)
+        trial = _moved(sample, at, share * step)
+        values, _, trial.slopes = sample.evaluate(trial.state, trial.outside, trial.parameters, trial.leaving)
+        residual, *_ = _equations(sample, values, np.hstack([trial.state[:, sample.kept], trial.leaving]), trial)
+        following = solved(residual)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             size = (np.abs(following) / sizes).max(axis=1, keepdims=True)
             bent = (np.abs(following - (1 - share) * step) / sizes).max(axis=1, keepdims=True)
-            too_far = ~(size <= (1 - share / 4) * whole) & (whole > STEP) & np.isfinite(whole)
-            next_share = np.clip(share**2 * whole / (2 * bent), share / 10, share / 2)
+            too_far = ~(size <= (1 - share / 4) * full_size) & (full_size > STEP) & np.isfinite(full_size)
+            next_share = np.clip(share**2 * full_size / (2 * bent), share / 10, share / 2)
         if not too_far.any():
             break
         share = np.where(too_far, np.where(np.isfinite(next_share), next_share, share / 10), share)
@@ -588,8 +591,8 @@ def _equations(
     """
     n, strained, moving = len(sample.kept), sample.strained, np.append(sample.moving, [False] * 3)
     units = np.where(moving, POSITION_UNIT, 1.0)
-    rest = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
-    rest[:, strained] = found[:, n + 3 :] * ROPE_UNIT
+    residual = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
+    residual[:, strained] = found[:, n + 3 :] * ROPE_UNIT
     every = at.slopes[:, : n + 3].copy()
     every[:, :n, :n] -= np.eye(n)
     every[:, n:, n + 1 :] -= np.eye(3)
@@ -598,20 +601,20 @@ def _equations(
     matrix = np.delete(every, n, axis=2)
     # a state that nothing depends on may grow without limit; one that nothing moves, such as an integral without a
     # gain, keeps its initial value
-    counted, moved = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
+    counted, is_driven = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
     counted[:, n:] = True
-    unknown = counted & moved
+    unknown = counted & is_driven
     matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
-    return rest, matrix, counted, unknown
+    return residual, matrix, counted, unknown
 
 
 @np.errstate(over="ignore", invalid="ignore")  # diverging points
-def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
+def _step(matrix: Floats, residual: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
     """Newton steps, solved with scaled rows and columns: zero for known values, NaN for singular matrices."""
-    step, some = np.zeros(rest.shape), np.flatnonzero(unknown.any(axis=0))
+    step, some = np.zeros(residual.shape), np.flatnonzero(unknown.any(axis=0))
     if not len(some):
         return step
-    matrix, rest, unknown = matrix[:, some][:, :, some], rest[:, some], unknown[:, some]
+    matrix, residual, unknown = matrix[:, some][:, :, some], residual[:, some], unknown[:, some]
     matrix = np.where(unknown[:, :, None] & unknown[:, None, :], matrix, 0.0)
     columns = np.abs(matrix).max(axis=1)
     columns = np.where(columns > 0, columns, 1.0)
@@ -621,7 +624,7 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) 
     matrix /= rows[:, :, None]
     index = np.arange(matrix.shape[1])
     matrix[:, index, index] += ~unknown
-    right = np.where(unknown, -rest / rows, 0.0)
+    right = np.where(unknown, -residual / rows, 0.0)
     if least_squares:
         pairs = zip(matrix, right, strict=True)
         step[:, some] = np.array([np.linalg.lstsq(*pair, rcond=SINGULAR)[0] for pair in pairs]) / columns

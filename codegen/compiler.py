@@ -199,18 +199,18 @@ def _zig() -> Compiler | None:
         return None
 
 
-def find_compiler(wanted: str | None = None) -> Compiler:
+def find_compiler(command: str | None = None) -> Compiler:
     """The C compiler to use.
 
     Args:
-        wanted: a command, or ``zig``; by default the environment's ``DUALWINCH_CC`` or ``CC``, else the first of
+        command: of a compiler, or ``zig``; by default the environment's ``DUALWINCH_CC`` or ``CC``, else the first of
             gcc, clang, cc and zig.
 
     Raises:
-        CompilerNotFoundError: there is none, or `wanted` is no C compiler.
+        CompilerNotFoundError: there is none, or `command` is no C compiler.
     """
-    wanted = wanted or os.environ.get("DUALWINCH_CC") or os.environ.get("CC")
-    compiler = _find(wanted, os.environ.get("PATH", ""))
+    command = command or os.environ.get("DUALWINCH_CC") or os.environ.get("CC")
+    compiler = _find(command, os.environ.get("PATH", ""))
     return replace(compiler, exact=True) if exactly() else compiler
 
 

@@ -147,10 +147,10 @@ class Motor(Actuator):
         """
         if not present(self.torque_limit):
             return demand.torque
-        most = self.torque_limit
+        limit = self.torque_limit
         if present(self.base_speed):
-            most = most * self.base_speed / maximum(absolute(demand.speed), self.base_speed)
-        return clip(demand.torque, -most, most)
+            limit = limit * self.base_speed / maximum(absolute(demand.speed), self.base_speed)
+        return clip(demand.torque, -limit, limit)
 
 
 def _decay(time: Scalar) -> tuple[Scalar, Scalar]:

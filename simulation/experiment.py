@@ -126,8 +126,8 @@ class Experiment:
     @property
     def duration(self) -> float:
         """Length of the run in s: as given, else that of the reference."""
-        given = self.simulation.duration
-        return own_duration(self.reference) if given is None else given
+        duration = self.simulation.duration
+        return own_duration(self.reference) if duration is None else duration
 
     @property
     def samples(self) -> int:

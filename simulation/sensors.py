@@ -362,10 +362,10 @@ def load_cells(
     constant T, the sample time h and a = exp(−h/T), a reading y = F + (1 − a) T/h (w − F) and w' = F + a (w − F).
     """
     samples = sample_time / sensors.load_cell_time_constant
-    left = exp(-samples)
+    decay = exp(-samples)
     behind = cells.F1 - tensions[0], cells.F2 - tensions[1]
-    carried = (tension + left * late for tension, late in zip(tensions, behind, strict=True))
-    seen_1, seen_2 = (t + (1 - left) / samples * late for t, late in zip(tensions, behind, strict=True))
+    carried = (tension + decay * lag for tension, lag in zip(tensions, behind, strict=True))
+    seen_1, seen_2 = (t + (1 - decay) / samples * lag for t, lag in zip(tensions, behind, strict=True))
     return LoadCells(*carried), (seen_1, seen_2)
 
 
@@ -492,22 +492,22 @@ def late_motion(
     last: Readings, exact: Measurement, state: PlantState, sensors: Sensors, sample_time: Scalar
 ) -> tuple[Readings, Measurement]:
     """The measurement of motion and drums as late sensors report it, and the readings with these speeds remembered."""
-    late: dict[str, Scalar] = {}
+    delays: dict[str, Scalar] = {}
     if isinstance(motion := last.motion, PastMotion):
         if present(sensors.position_delay):
             way = change_since(sensors.position_delay / sample_time, state.v, motion.v, sample_time)
-            late["x"] = exact.x - way
+            delays["x"] = exact.x - way
         if present(sensors.speed_delay):
             speed = value_before(sensors.speed_delay / sample_time, state.v, motion.v)
-            late["v"] = (1 + sensors.speed_error) * speed
+            delays["v"] = (1 + sensors.speed_error) * speed
         last = replace(last, motion=PastMotion(remembered(state.v, motion.v)))
     if isinstance(turns := last.turns, PastTurns):
         delay, memories = sensors.encoder_delay / sample_time, (turns.omega_1, turns.omega_2)
         for number, (_, omega), memory in zip((1, 2), state.shafts, memories, strict=True):
             turned = change_since(delay, omega, memory, sample_time)
-            late[f"theta_{number}"] = getattr(exact, f"theta_{number}") - turned
+            delays[f"theta_{number}"] = getattr(exact, f"theta_{number}") - turned
             if not present(sensors.drum_speed_resolution):
-                late[f"omega_{number}"] = value_before(delay, omega, memory)
+                delays[f"omega_{number}"] = value_before(delay, omega, memory)
         of_shafts = (remembered(omega, memory) for (_, omega), memory in zip(state.shafts, memories, strict=True))
         last = replace(last, turns=PastTurns(*of_shafts))
-    return last, replace(exact, **late)
+    return last, replace(exact, **delays)

@@ -177,12 +177,12 @@ def steady_filter(
 def _observation(gains: KalmanGains, sample_time: Scalar, encoders: bool) -> Matrix:
     """Rows of the measurement matrix, of position and speed: that of late sensors on the present state."""
     position, *drums = _information(gains)
-    late: Scalar = gains.position_delay / sample_time if present(gains.position_delay) else 0.0
+    lateness: Scalar = gains.position_delay / sample_time if present(gains.position_delay) else 0.0
     if encoders and (present(gains.position_delay) or present(gains.encoder_delay)):
         total = position + sum(drums)
-        late = (position * gains.position_delay + sum(drums) * gains.encoder_delay) / (total * sample_time)
+        lateness = (position * gains.position_delay + sum(drums) * gains.encoder_delay) / (total * sample_time)
     late_speed = gains.speed_delay / sample_time if present(gains.speed_delay) else 0.0
-    return (1.0, -late, late**2 / 2), (0.0, 1.0, -late_speed)
+    return (1.0, -lateness, lateness**2 / 2), (0.0, 1.0, -late_speed)
 
 
 def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:

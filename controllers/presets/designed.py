@@ -186,8 +186,8 @@ def designed_controller(
     }
     if speed_noise:
         gains["kalman.speed_noise"] = 1.5 * speed_noise
-    known = leaves(controller)
-    return with_leaves(controller, {key: value for key, value in gains.items() if key in known})
+    values = leaves(controller)
+    return with_leaves(controller, {key: value for key, value in gains.items() if key in values})
 
 
 def _law(

@@ -386,16 +386,16 @@ def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
         key: f" = {value:g}" for key, value in nominal.items() if isinstance(value, float) and value != usual.get(key)
     }
     keys_of_file = given_keys(file)
-    found = {
+    ensembles = {
         key: words
         for key, words in (sizes | absolute).items()
         if key.startswith("plant.")
         and key not in keys_of_file
         and leaf_of(key, drawn.experiment).quantity.unit not in {"", "1", "rad"}
     }
-    if not found:
+    if not ensembles:
         return ""
-    merged = [f"{starred(key) if swapped(key) in found else key}{words}" for key, words in found.items()]
+    merged = [f"{starred(key) if swapped(key) in ensembles else key}{words}" for key, words in ensembles.items()]
     sizes_there = first(list(dict.fromkeys(merged)), 5)
     return (
         f"the ensemble '{drawn.name}' has sizes that do not follow from {file}: {sizes_there}; for your own, edit a "
@@ -454,11 +454,11 @@ def other_ensemble(file: Path, *names: str) -> str:
     tuned_in = head_comment(read_source(file).text, TUNED_IN)
     if tuned_in in {"", *names}:
         return ""
-    judged = f"judged in {' with '.join(repr(name) for name in names if name != NO_ENSEMBLE)}"
+    criterion = f"judged in {' with '.join(repr(name) for name in names if name != NO_ENSEMBLE)}"
     if tuned_in == NO_ENSEMBLE:
-        return f"{file}: tuned in one run, {judged}"
+        return f"{file}: tuned in one run, {criterion}"
     source = tuned_in if tuned_in in built_in_ensembles() else f"with the file of '{tuned_in}'"
-    return f"{file}: tuned in '{tuned_in}', {judged}; to judge it where it was tuned: --ensemble {source}"
+    return f"{file}: tuned in '{tuned_in}', {criterion}; to judge it where it was tuned: --ensemble {source}"
 
 
 LONGEST_TIME = 1e7

@@ -46,7 +46,7 @@ SCENARIOS, SEED = 100, 0
 
 def simulate(
     *,
-    given: ControllerOptions = ControllerOptions(),
+    options: ControllerOptions = ControllerOptions(),
     ensemble: str | None = None,
     scenarios: Annotated[Whole, default_of(lambda: SCENARIOS)] = None,
     seed: Annotated[Whole, default_of(lambda: SEED)] = None,
@@ -104,17 +104,17 @@ def simulate(
             if value is not None:
                 hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
-        simulate_one(given, stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
+        simulate_one(options, stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
         return
     for name, requested in (("stride", stride != 1), ("animate", animate)):
         if requested:
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
-        given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
-    drawn, typed = given.ensemble(ensemble), f"{given.typed} {shlex.join(['--ensemble', ensemble])}".lstrip()
-    note_other_ensemble(given.config, drawn.name)
+        options = replace(options, set_=[*(options.set_ or []), f"simulation.engine={engine}"])
+    draws, typed = options.ensemble(ensemble), f"{options.typed} {shlex.join(['--ensemble', ensemble])}".lstrip()
+    note_other_ensemble(options.config, draws.name)
     count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
-    simulate_ensemble(drawn, count, seed, out, plot, where, typed, statistics_only=statistics_only, json=json)
+    simulate_ensemble(draws, count, seed, out, plot, where, typed, statistics_only=statistics_only, json=json)
 
 
 def simulate_one(

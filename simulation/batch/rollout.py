@@ -103,8 +103,8 @@ class ParameterScenarioGrid:
         for index, name in enumerate(self.loop.parameters):
             if not name.startswith("metrics."):
                 continue
-            given = self._vectors[:, index]
-            numbers[name] = float(given[0]) if (given == given[0]).all() else given[np.newaxis]
+            values = self._vectors[:, index]
+            numbers[name] = float(values[0]) if (values == values[0]).all() else values[np.newaxis]
             if name in self.names:
                 numbers[name] = self.values[:, [self.names.index(name)]]
         return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.shared.metrics)
@@ -312,9 +312,9 @@ def fill_on_workers(
     places, run_count = list[tuple[NDArray[np.int64], ...]](), 0
 
     def arguments() -> Iterator[tuple[Any, ...]]:
-        for place, given in tasks:
+        for place, portion_arguments in tasks:
             places.append(place)
-            yield given
+            yield portion_arguments
 
     try:
         for number, portion in spread(executor, work, arguments()):
@@ -361,14 +361,14 @@ def _rollout(
     summed = [loop.states.index(name) for name in kept_states]
     lanes = LANES if compiled else 1
 
-    def block(chosen: NDArray[np.int64]) -> None:
-        filled = np.resize(chosen, (lanes, 2))  # idle lanes repeat the block's pairs
+    def block(indices: NDArray[np.int64]) -> None:
+        filled = np.resize(indices, (lanes, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
         numbers = filled[:, 1].tolist()
         state = pairs.starts(vectors, numbers)
         signals: list[Any] = [*pairs.sources(numbers)] if compiled else [*map(pairs.signals, numbers)]
         outcome, samples_run, rows = run(vectors, signals, state, samples, stride, watched=slack, most=slack_limit)
-        busy, (sets, scenes) = slice(len(chosen)), chosen.T
+        busy, (sets, scenes) = slice(len(indices)), indices.T
         final[:, sets, scenes] = state[busy, summed].T
         at = sets, places[scenes]
         for index, name in enumerate(found.columns):
@@ -377,12 +377,12 @@ def _rollout(
         found.outcomes[at] = words_of(outcome[busy])
 
     blocks = [pairs.indices[start : start + lanes] for start in range(0, len(pairs.indices), lanes)]
-    whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
+    completed_all = run_all([lambda indices=indices: block(indices) for indices in blocks], threads, progress)
     completed = found.completed[:, places]
     metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=completed, own=pairs.metrics)
     for name, values in vars(metrics).items():
         found.metrics[name][:, places] = values
-    return whole
+    return completed_all
 
 
 LOOK_EVERY = 64

@@ -94,10 +94,10 @@ def chain_of(side: Side, vehicle: Vehicle, track: Track, at: RopeTangent) -> Cha
     drum = winch.inertia / radius**2 + rope_on_drum(rope, length, track) + (0.0 if gives else rotor)
     towed = inertia(vehicle) / 2 + end_mass(rope, length)
     masses = [rotor] * gives + [drum] + [lumped_mass(rope, length)] * (segments - 1) + [towed]
-    first, last, bend, depth = int(gives), int(gives) + segments, 0.0, len(masses)
-    links: list[tuple[Any, Any, dict[int, Any]]] = [(0.0, winch.viscous_friction / radius**2, {first: 1.0})]
+    start, last, bend, depth = int(gives), int(gives) + segments, 0.0, len(masses)
+    links: list[tuple[Any, Any, dict[int, Any]]] = [(0.0, winch.viscous_friction / radius**2, {start: 1.0})]
     if gives:
-        links.append((winch.gear_stiffness / radius**2, winch.gear_damping / radius**2, {0: 1.0, first: -1.0}))
+        links.append((winch.gear_stiffness / radius**2, winch.gear_damping / radius**2, {0: 1.0, start: -1.0}))
     if weighs:  # in each span d = w s²/(8 T); `heavy_ropes` has its equation of motion
         span = span_of(length, track)
         masses.append(8 / 15 * transverse_mass(rope) * length)
@@ -105,13 +105,13 @@ def chain_of(side: Side, vehicle: Vehicle, track: Track, at: RopeTangent) -> Cha
         links.append((16 / 3 * at.tension * length / span**2, 0.0, {depth: 1.0}))
     # at the drum the tension counts so many times
     pulling = np.sqrt((1 + np.asarray(winch.gear_loss)) * np.exp(np.asarray(winch.sheave_friction)))
-    for near in range(first, last):
-        ends = {near: pulling if near == first else 1.0, near + 1: -1.0}
+    for near in range(start, last):
+        ends = {near: pulling if near == start else 1.0, near + 1: -1.0}
         sag = {depth: bend / segments} if weighs else {}
         links.append((segments * at.spring, segments * at.damping, ends | sag))
     if present(rope.hysteresis):  # along the whole rope; twice its slope where the strain turns back
         rubbing = 2 * rope.hysteresis / (rope.hysteresis_strain * length)
-        links.append((rubbing, 0.0, {first: pulling, last: -1.0} | ({depth: bend} if weighs else {})))
+        links.append((rubbing, 0.0, {start: pulling, last: -1.0} | ({depth: bend} if weighs else {})))
     return _assembled(masses, links)
 
 
@@ -134,16 +134,16 @@ def side_rate(side: Side, vehicle: Vehicle, track: Track, tensions: tuple[float,
     By `pole_rate` or `leapfrog_rate`; infinite where a number overflows; an array if numbers are arrays.
     """
     with np.errstate(all="ignore"):
-        found = [rate(chain_of(side, vehicle, track, at)) for at in _tangents(side.rope, track, tensions)]
-        return np.max(np.broadcast_arrays(*found), axis=0)
+        rates = [rate(chain_of(side, vehicle, track, at)) for at in _tangents(side.rope, track, tensions)]
+        return np.max(np.broadcast_arrays(*rates), axis=0)
 
 
 def _tangents(rope: RopeLaw, track: Track, tensions: tuple[float, ...]) -> Iterator[RopeTangent]:
     """The rope at rest at its shortest and its longest; at all tensions, unless they make no difference."""
-    own = not is_kelvin_voigt(rope)
+    is_massive = not is_kelvin_voigt(rope)
     for length in map(np.float64, (track.rope_offset, track.length + track.rope_offset)):
-        for tension in tensions if own or present(rope.submerged_weight) else tensions[:1]:
-            if own:
+        for tension in tensions if is_massive or present(rope.submerged_weight) else tensions[:1]:
+            if is_massive:
                 spring, damping = rope.tangent(tension, float(length))
                 yield RopeTangent(length, tension, spring, abs(damping))
             else:
@@ -217,6 +217,6 @@ def stiff_keys(plant: Plant, parts: tuple[str, ...], rate: Callable[[Plant], flo
             key = f"plant.{part}.{name}"
             if values.get(key) and math.isfinite(values[key] * factor):
                 lowered[key] = rate(with_leaves(plant, {key: values[key] * factor}, "plant."))
-    least = min(lowered.values(), default=math.inf)
-    found = {key: values[key] for key, value in lowered.items() if value <= least * 1.001}
-    return {key: value for key, value in found.items() if value != usual.get(key)} or found
+    lowest = min(lowered.values(), default=math.inf)
+    limiting = {key: values[key] for key, value in lowered.items() if value <= lowest * 1.001}
+    return {key: value for key, value in limiting.items() if value != usual.get(key)} or limiting

@@ -99,8 +99,8 @@ def _whole_step(loop: Sampled) -> ca.Function:
     for part in range(loop.parts):
         motion, margin = loop.move(motion, hold, part, arguments[2])
     if loop.one_step:
-        moved, moved_margin, valid = loop.one_step(start, hold, arguments[2])
-        motion = ca.if_else(valid > 0, moved, motion)
+        end, moved_margin, valid = loop.one_step(start, hold, arguments[2])
+        motion = ca.if_else(valid > 0, end, motion)
         margin = ca.if_else(valid > 0, moved_margin, margin)
     outputs = [ca.vertcat(motion, discrete), loop.observe(*arguments), margin]
     names = loop.sample.name_in(), ["next_state", "row", "margin"]
@@ -129,8 +129,8 @@ class Exogenous:
 
 def zero_exogenous(controller: Controller) -> Exogenous:
     """Exogenous signals of one sample under a controller, all zero."""
-    times, rest = controller.preview, Setpoint(0.0, 0.0, 0.0)
-    return Exogenous(rest, ahead=no_departures(times)) if times else Exogenous(rest)
+    times, standstill = controller.preview, Setpoint(0.0, 0.0, 0.0)
+    return Exogenous(standstill, ahead=no_departures(times)) if times else Exogenous(standstill)
 
 
 def exogenous_names(controller: Controller) -> tuple[str, ...]:
@@ -155,7 +155,7 @@ def absent_signals(*experiments: Experiment, varying: Collection[str] = ()) -> f
         SILENT: any(silence_of(experiment.sensors) for experiment in experiments),
         LATENESS: any(experiment.simulation.jitter > 0 for experiment in experiments),
     }
-    return frozenset(name for name, there in present.items() if not there)
+    return frozenset(name for name, is_present in present.items() if not is_present)
 
 
 @dataclass(frozen=True)
@@ -185,12 +185,12 @@ def initial_loop_state(structure: LoopStructure, parts: Any = None, x: Scalar = 
     """
     parts = parts or structure
     preload, actuator, sensors = parts.controller.limits.preload, parts.actuator, parts.sensors
-    rest = resting_state(preload, parts.plant, x - sensors.position_bias)
+    resting = resting_state(preload, parts.plant, x - sensors.position_bias)
     holding = holding_torques(preload, parts.plant)
     return LoopState(
-        motion=Motion(rest),
+        motion=Motion(resting),
         controller=initial_controller_state(parts.controller, x),
-        readings=first_readings(rest, preload / 2, parts.plant, sensors, silence_of(structure.sensors)),
+        readings=first_readings(resting, preload / 2, parts.plant, sensors, silence_of(structure.sensors)),
         timing=Timing() if structure.jitter else NoState(),
         actuator_1=actuator.holding_state(holding.tau_1),
         actuator_2=actuator.holding_state(holding.tau_2),
@@ -198,7 +198,7 @@ def initial_loop_state(structure: LoopStructure, parts: Any = None, x: Scalar = 
 
 
 def _queue_names(delay_samples: int) -> list[str]:
-    return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
+    return [f"queue.{sample}.{name}" for sample in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
 def starting_state(structure: LoopStructure, parts: Any = None, x: Scalar = 0.0) -> dict[str, Scalar]:
@@ -254,8 +254,8 @@ def _instant(
     t = state.sample * sample_time
     if not isinstance(state.timing, Timing):
         return t, sample_time, exogenous.reference, state.timing
-    late, following = state.timing.late, jitter * exogenous.noise.lateness
-    return t + late, sample_time + (following - late), exogenous.reference.ahead(late), Timing(following)
+    lateness, following = state.timing.late, jitter * exogenous.noise.lateness
+    return t + lateness, sample_time + (following - lateness), exogenous.reference.ahead(lateness), Timing(following)
 
 
 @built_once
@@ -384,8 +384,8 @@ def closed_loop(
 def _schedule(controller: Controller, states: Sequence[str], marks: Mapping[str, frozenset[Mark]]) -> tuple[int, int]:
     """Index of the state that is the phase of a controller's slow part, and its interval in samples; 0, 1 without."""
     phases = [index for index, name in enumerate(states) if Mark.PHASE in marks.get(name, ())]
-    known, values = describe_parts(controller), leaves(controller)
-    intervals = [int(values[key]) for key, leaf in known.items() if Mark.INTERVAL in leaf.marks]
+    described, values = describe_parts(controller), leaves(controller)
+    intervals = [int(values[key]) for key, leaf in described.items() if Mark.INTERVAL in leaf.marks]
     return (phases[0], intervals[0]) if len(phases) == len(intervals) == 1 else (0, 1)
 
 

@@ -138,7 +138,7 @@ def states_after(
     Raises:
         ConfigurationError: a metric returns a state with other elements.
     """
-    found: dict[str, Scalar] = {}
+    values: dict[str, Scalar] = {}
     for metric in metrics:
         start = _start(metric)
         state = with_leaves(start, states, _prefix(metric))
@@ -152,8 +152,8 @@ def states_after(
             raise ConfigurationError(
                 f"metric '{metric.kind}': its step must give a state of the elements it was given, not {names}"
             )
-        found |= after
-    return found
+        values |= after
+    return values
 
 
 def values_of(metrics: Sequence[Metric], final: Mapping[str, Any], samples: Any) -> dict[str, Any]:
@@ -175,17 +175,17 @@ def slopes_of(
 
     `final` has the final value of (at least) every state, `tangents` its exact derivatives (directions,).
     """
-    found = {}
+    rows = {}
     for metric in metrics:
         names = list(leaves(_start(metric), _prefix(metric)))
         state = np.array([final[name] for name in names])
         sizes = STEP * np.where(state == 0, 1.0, np.abs(state))
-        moved = np.concatenate([np.diag(sizes), -np.diag(sizes)]) + state
-        ends = _value(metric, dict(zip(names, moved.T, strict=True)), np.full(len(moved), samples))
+        neighbours = np.concatenate([np.diag(sizes), -np.diag(sizes)]) + state
+        ends = _value(metric, dict(zip(names, neighbours.T, strict=True)), np.full(len(neighbours), samples))
         with np.errstate(invalid="ignore"):
             by_state = (ends[: len(names)] - ends[len(names) :]) / (2 * sizes)
-            found[metric.table()] = by_state @ np.array([tangents[name] for name in names])
-    return found
+            rows[metric.table()] = by_state @ np.array([tangents[name] for name in names])
+    return rows
 
 
 def _value(metric: Metric, final: Mapping[str, Any], samples: Any) -> Any:

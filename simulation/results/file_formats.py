@@ -407,9 +407,9 @@ def _facts(result: Result) -> dict[str, Any]:
 def _result_of(content: FileContent, base: Experiment) -> Result:
     lengths = {name: len(values) for name, values in content.columns.items()}
     if len(set(lengths.values())) > 1:
-        (first, rows), *further_lengths = lengths.items()
+        (reference, rows), *further_lengths = lengths.items()
         odd, count = next((name, count) for name, count in further_lengths if count != rows)
-        raise ConfigurationError(f"column '{odd}' has {count} rows: must have {rows}, as '{first}'")
+        raise ConfigurationError(f"column '{odd}' has {count} rows: must have {rows}, as '{reference}'")
     facts = {key: content.facts[key] for key in ("end_time", "metrics", "final_state", "experiment")}
     facts |= {"nominal": content.facts.get("nominal")}
     facts = {key: json.loads(value) if isinstance(value, str) else value for key, value in facts.items()}
