@@ -21,7 +21,7 @@ from dualwinch.model.linear.modes import Mode
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.style import length_unit
+from dualwinch.simulation.plots.style import prefixed_unit
 
 TOLERANCE = 1e-4
 """Relative tolerance of the amplitude."""
@@ -58,7 +58,7 @@ class LargeSignalStability:
         """Size of the limit cycle in words, as the end of a sentence; empty if there is none."""
         if not math.isfinite(self.cycle):
             return ""
-        unit, name = length_unit(size := self.cycle / (2 * math.pi * self.frequency))
+        unit, name = prefixed_unit("m", size := self.cycle / (2 * math.pi * self.frequency))
         return f"; it ends in a cycle of {size / unit:.2g} {name} and {1e3 * self.cycle:.2g} mm/s"
 
 

@@ -44,7 +44,7 @@ from dualwinch.simulation.batch.authority import (
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
-from dualwinch.simulation.plots.style import BLUE, GOLD, GREEN, GREY, INK, KILO, VERMILION, length_unit
+from dualwinch.simulation.plots.style import BLUE, GOLD, GREEN, GREY, INK, VERMILION, prefixed_unit
 from dualwinch.simulation.plots.traces import largest, thin
 from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.result import Result
@@ -418,17 +418,23 @@ def preloads_figure(result: Preloads, *, ax: GivenAxes = None) -> "Figure":
     words = f"Continuous load in N m: {loads}, optimum {best.continuous_load:.1f}"
     with new_page(ax, 5.8, f"What preload costs: {scenario(experiment)}", words) as page:
         total, smaller, _ = panels = page.panels(3, sharex=True, height_ratios=(1.3, 1, 1))
-        unit, name_of_unit = length_unit(max(largest(run["e"]) for run in result.runs.values()))
+        unit, name_of_unit = prefixed_unit("m", *(largest(run["e"]) for run in result.runs.values()))
+        sums = [largest(run["F1"] + run["F2"]) for run in result.runs.values()]
+        force, name_of_force = prefixed_unit("N", *sums, largest(best.preload))
         for name, run in result.runs.items():
             constant = f", {run.experiment.controller.limits.preload:.0f} N" if run is not result.scheduled else ""
-            signals = (run["F1"] + run["F2"]) / KILO, np.minimum(run["F1"], run["F2"]) / KILO, run["e"] / unit
+            signals = (run["F1"] + run["F2"]) / force, np.minimum(run["F1"], run["F2"]) / force, run["e"] / unit
             for axes, values in zip(panels, signals, strict=True):
                 axes.plot(*thin(run["t"], values), color=PRELOAD_COLOURS[name], linewidth=1.0, label=name + constant)
         optimum = {"color": GREEN, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "optimum"}
-        total.plot(best.t, best.preload / KILO, **optimum)
-        smaller.plot(best.t, np.minimum(best.F1, best.F2) / KILO, **optimum)
-        smaller.axhline(experiment.controller.limits.tension_min / KILO, color=INK, linewidth=0.7, linestyle=":")
-        labels = ("sum of tensions (kN)", "smaller tension (kN)", f"error $e$ ({name_of_unit})")
+        total.plot(best.t, best.preload / force, **optimum)
+        smaller.plot(best.t, np.minimum(best.F1, best.F2) / force, **optimum)
+        smaller.axhline(experiment.controller.limits.tension_min / force, color=INK, linewidth=0.7, linestyle=":")
+        labels = (
+            f"sum of tensions ({name_of_force})",
+            f"smaller tension ({name_of_force})",
+            f"error $e$ ({name_of_unit})",
+        )
         for axes, label in zip(panels, labels, strict=True):
             axes.set_ylabel(label)
         page.time_axes(panels, experiment, shaded=False)

@@ -21,13 +21,12 @@ from dualwinch.simulation.plots.style import (
     BLUE,
     GREY,
     INK,
-    KILO,
     LIGHT,
     ROPE_COLOURS,
     VERMILION,
     law_label,
     law_look,
-    length_unit,
+    prefixed_unit,
 )
 from dualwinch.simulation.plots.traces import drawable, largest, thin
 from dualwinch.simulation.results.result import Result
@@ -198,8 +197,9 @@ def draw_colours(parent: Element, x: float, y: float, highest: float) -> None:
     for step in range(steps):
         shade = colour((step + 0.5) / steps * highest, highest)
         add(parent, "rect", x=x + step * width, y=y, width=width + 0.3, height=8, fill=shade)
+    size, unit = prefixed_unit("N", highest)
     for share in (0.0, 0.5, 1.0):
-        words = f"{share * highest / 1e3:g}" + (" kN" if share == 1 else "")
+        words = f"{share * highest / size:g}" + (f" {unit}" if share == 1 else "")
         text(parent, x + share * steps * width, y + 22, words, font_size=11, text_anchor="middle", fill=GREY)
     text(parent, x - 12, y + 9, "tension", font_size=11, text_anchor="end", fill=GREY)
 
@@ -504,17 +504,18 @@ def save_animation(result: Result, path: str | PathLike[str]) -> None:
 
 def _panels(result: Result) -> list[Panel]:
     error = drawable(result["e"])
-    unit, name = length_unit(largest(error))
+    unit, name = prefixed_unit("m", largest(error))
     reach = 1.08 * max(largest(error) / unit, 1e-9)
+    force, name_of_force = prefixed_unit("N", *(largest(result[f"F{rope}"]) for rope in (1, 2)))
     forces = tuple(
-        Line(f"rope {rope}", shade, drawable(result[f"F{rope}"]) / KILO)
+        Line(f"rope {rope}", shade, drawable(result[f"F{rope}"]) / force)
         for rope, shade in enumerate(ROPE_COLOURS, start=1)
     )
     highest = 1.08 * max(*(largest(line.values) for line in forces), 1e-9)
     tracking = (Line("error", law_look(result.experiment)[0], error / unit),)
     return [
         Panel(f"tracking error ({name})", 270, 358, tracking, -reach, reach),
-        Panel("rope tension (kN)", 394, 490, forces, 0.0, highest),
+        Panel(f"rope tension ({name_of_force})", 394, 490, forces, 0.0, highest),
     ]
 
 

@@ -18,7 +18,18 @@ from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.plots.page import GivenAxes, new_page
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION, draw_limits
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    GREY,
+    INK,
+    LIGHT,
+    SKY,
+    VERMILION,
+    draw_limits,
+    prefixed_unit,
+    tension_unit,
+)
+from dualwinch.simulation.plots.traces import largest
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TEST, TuningProblem
@@ -229,16 +240,20 @@ def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure
     experiment, named = problem.experiment, _named(verdict)
     with new_page(None, 6.6, "The paper's gains and the best", words) as page:
         panels = page.panels(4, sharex=True, height_ratios=(1, 1, 1.2, 1.2))
+        size, unit = force = tension_unit(
+            experiment, *(largest(run[rope]) for run in runs.values() for rope in ("F1", "F2"))
+        )
         for axes, name in zip(panels, ("paper", "best"), strict=False):
             label, colour = named[name], COLOURS[name]
-            axes.plot(runs[name]["t"], 1e3 * runs[name]["e"], color=colour, linewidth=0.8, label=label)
-            axes.set(ylabel="e (mm)", title=f"tracking error, {label}")
+            length, name_of_length = prefixed_unit("m", largest(runs[name]["e"]))
+            axes.plot(runs[name]["t"], runs[name]["e"] / length, color=colour, linewidth=0.8, label=label)
+            axes.set(ylabel=f"e ({name_of_length})", title=f"tracking error, {label}")
         for rope, axes in enumerate(panels[2:], start=1):
             for name, colour in COLOURS.items():
-                tension = 1e-3 * runs[name][f"F{rope}"]
+                tension = runs[name][f"F{rope}"] / size
                 axes.plot(runs[name]["t"], tension, color=colour, linewidth=0.7, label=named[name])
-            draw_limits(axes, experiment, label="limits of the commands,")
-            axes.set(ylabel=f"F{rope} (kN)", title=f"tension of rope {rope}")
+            draw_limits(axes, experiment, force, label="limits of the commands,")
+            axes.set(ylabel=f"F{rope} ({unit})", title=f"tension of rope {rope}")
         page.time_axes(panels, experiment, shaded=False)
         page.legend()
     return page.figure

@@ -56,17 +56,20 @@ class ScheduledPreload(Coordination):
 
     margin: Annotated[
         NonNegative,
-        Quantity("N", "tension of the rope behind above tension_min", "by hand"),
-        Tunable(50, 1500, of="controller.coordination.tension_max"),
-    ] = 300.0
+        at.Le(1),
+        Quantity("1", "tension of the rope behind above tension_min, over tension_max", "by hand"),
+        Tunable(0.01, 0.25),
+    ] = 0.05
     filter_time: Annotated[
         NonNegative, Quantity("s", "low-pass on the force beyond that of the reference", "by hand"), Tunable(0.05, 5)
     ] = 0.3
     rate: Annotated[
         Positive,
-        Quantity("N/s", "largest rate at which the sum of tensions falls, and rises in advance", "by hand"),
-        Tunable(100, 5000, of="controller.coordination.tension_max"),
-    ] = 1500.0
+        Quantity(
+            "1/s", "largest rate at which the sum of tensions falls, and rises in advance, over tension_max", "by hand"
+        ),
+        Tunable(0.02, 1),
+    ] = 0.25
     horizon: Annotated[
         NonNegative,
         at.Le(10),
@@ -97,13 +100,14 @@ class ScheduledPreload(Coordination):
         foreseen = _force(setpoint, context)
         learning = sample_time / (self.filter_time + sample_time)
         unforeseen = state.unforeseen + learning * (force - foreseen - state.unforeseen)
-        behind = limits.tension_min + self.margin
+        behind = limits.tension_min + self.margin * limits.tension_max
+        rate = self.rate * limits.tension_max
         needed = absolute(foreseen + unforeseen)
         for time in self.preview:
             ahead = absolute(_force(setpoint.ahead(time), context) + unforeseen)
-            needed = maximum(needed, ahead - self.rate * time)
+            needed = maximum(needed, ahead - rate * time)
         requirement = maximum(needed + 2 * behind, limits.preload)
-        preload = maximum(requirement, state.preload - sample_time * self.rate)
+        preload = maximum(requirement, state.preload - sample_time * rate)
         commands = within_limits((preload + force) / 2, (preload - force) / 2, limits)
         gains = self.winch_1, self.winch_2
         loops, winches = follow_tensions(state.loops, commands, estimate, gains, setpoint, context)

@@ -38,7 +38,7 @@ def preload(
 
     Examples:
         dualwinch preload --case 4 --plot preload.png
-        dualwinch preload --case 4 --set controller.scheduled_preload.margin=150 --out preload.json
+        dualwinch preload --case 4 --set controller.scheduled_preload.margin=0.025 --out preload.json
         dualwinch preload --config tuned/best.toml --minimise energy
         dualwinch preload --case 4 --set reference.jerk_limit=0.1 --torque-rate 30 --error 0.002
     """

@@ -14,7 +14,7 @@ from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import data_uri, number_text, sentence, write_page
 from dualwinch.simulation.metrics.metrics import in_words
-from dualwinch.simulation.plots.style import length_unit
+from dualwinch.simulation.plots.style import prefixed_unit
 from dualwinch.tuning.plots import (
     before_and_after,
     distributions,
@@ -271,5 +271,5 @@ def next_steps(tuned: TuningResult, folder: Path, own: str = "", following: str 
 
 def _length(mean_square: float) -> str:
     size = math.sqrt(mean_square)
-    unit, name = length_unit(size)
+    unit, name = prefixed_unit("m", size)
     return f"{size / unit:.3g} {name}"

@@ -22,13 +22,13 @@ from dualwinch.simulation.metrics.metrics import BUILT_IN, in_words, metric_quan
 from dualwinch.simulation.plots.page import GivenAxes, new_page, steady_patch
 from dualwinch.simulation.plots.style import (
     INK,
-    KILO,
     aside,
     draw_limits,
     law_label,
     law_look,
-    length_unit,
     plain,
+    prefixed_unit,
+    tension_unit,
     zero_line,
 )
 from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
@@ -272,7 +272,7 @@ def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> "Figure":
     colour, _ = law_look(experiment)
     with new_page(ax, 6.4, *_headings(result)) as page:
         error, *ropes = panels = page.panels(3, sharex=True, height_ratios=(1.45, 1, 1))
-        unit, name = length_unit(result.statistic("worst.max_abs_error"))
+        unit, name = prefixed_unit("m", result.statistic("worst.max_abs_error"))
         _fan(error, result.traces, "e", unit, colour)
         zero_line(error)
         error.set(ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})", title="tracking error")
@@ -284,13 +284,14 @@ def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> "Figure":
             f"RMS {rms:.3g} {name} · largest |e|: median {median:.3g}, 95 % {percentile:.3g}, worst {worst:.3g} {name}"
         )
         aside(error, words)
+        force, name_of_force = tension_unit(experiment, result.statistic("worst.peak_tension"))
         for rope, axes in enumerate(ropes, start=1):
-            _fan(axes, result.traces, f"F{rope}", KILO, colour)
-            draw_limits(axes, experiment)
-            axes.set(ylabel=f"tension $F_{rope}$ (kN)", title=f"rope {rope}")
-        median, highest = (result.statistic(f"{kind}.peak_tension") / KILO for kind in ("median", "worst"))
+            _fan(axes, result.traces, f"F{rope}", force, colour)
+            draw_limits(axes, experiment, (force, name_of_force))
+            axes.set(ylabel=f"tension $F_{rope}$ ({name_of_force})", title=f"rope {rope}")
+        median, highest = (result.statistic(f"{kind}.peak_tension") / force for kind in ("median", "worst"))
         mean, longest = (100 * result.statistic(f"{kind}.slack_share") for kind in ("mean", "worst"))
-        words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} kN"
+        words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} {name_of_force}"
         aside(ropes[0], words + f" · slack in {mean:.2g} % of the time, worst {longest:.2g} %")
         page.time_axes(panels, experiment)
         page.legend(steady_patch())

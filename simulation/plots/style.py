@@ -136,24 +136,36 @@ def logarithmic(axes: "Axes", between: tuple[int, ...]) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-KILO = 1e3
-
-PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))
-"""Units of length for errors, the largest first."""
+PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
+"""Factors of the SI and their prefixes, the largest first."""
 
 
-def length_unit(largest: float) -> tuple[float, str]:
-    """Size in m and name of the unit that shows a length in m with few digits."""
-    return next((prefix for prefix in PREFIXES if largest >= prefix[0]), PREFIXES[-1])
+def prefixed_unit(unit: str, *values: float) -> tuple[float, str]:
+    """Size and name of the unit with the largest SI prefix at which the largest of the values is at least 1.
+
+    Values are magnitudes in the `unit` without a prefix, NaN where there is none.
+
+    Example:
+        >>> prefixed_unit("N", 300.0, 89.2), prefixed_unit("m", 0.018)
+        ((1.0, 'N'), (0.001, 'mm'))
+    """
+    largest = max((value for value in values if value > 0), default=0.0)
+    size, prefix = next((entry for entry in PREFIXES if largest >= entry[0]), PREFIXES[-1])
+    return size, prefix + unit
+
+
+def tension_unit(experiment: Experiment, *tensions: float) -> tuple[float, str]:
+    """Size in N and name of the unit of an axis that shows tensions and the limits of their commands."""
+    return prefixed_unit("N", experiment.controller.limits.tension_max, *tensions)
 
 
 LIMIT = {"color": INK, "linestyle": (0, (2, 2)), "linewidth": 0.8, "zorder": 1.5}
 """Line style of a limit."""
 
 
-def draw_limits(axes: "Axes", experiment: Experiment, *, label: str | None = "limits") -> None:
-    """Draw the limits of the tension commands in kN; `label` begins their legend entry."""
-    limits = experiment.controller.limits
-    low, high = limits.tension_min / KILO, limits.tension_max / KILO
-    axes.axhline(low, **LIMIT, label=label and f"{label} {low:g} and {high:g} kN")
+def draw_limits(axes: "Axes", experiment: Experiment, unit: tuple[float, str], *, label: str | None = "limits") -> None:
+    """Draw the limits of the tension commands in a unit (`tension_unit`); `label` begins their legend entry."""
+    limits, (size, name) = experiment.controller.limits, unit
+    low, high = limits.tension_min / size, limits.tension_max / size
+    axes.axhline(low, **LIMIT, label=label and f"{label} {low:g} and {high:g} {name}")
     axes.axhline(high, **LIMIT)

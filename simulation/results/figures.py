@@ -31,14 +31,14 @@ from dualwinch.simulation.plots.style import (
     DASHES,
     GREY,
     INK,
-    KILO,
     PALETTE,
     Look,
     aside,
     draw_limits,
     law_label,
     law_look,
-    length_unit,
+    prefixed_unit,
+    tension_unit,
     zero_line,
 )
 from dualwinch.simulation.plots.traces import Floats, drawable, largest, peaks, within
@@ -180,7 +180,7 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
     experiment = longest(runs)
     with new_page(ax, 5.4, *_headings(runs, "error")) as page:
         overview, decades, steady = page.mosaic([["whole", "whole"], ["decades", "steady"]], height_ratios=(1.05, 1))
-        unit, name = length_unit(max(largest(run.result["e"]) for run in runs))
+        unit, name = prefixed_unit("m", *(largest(run.result["e"]) for run in runs))
         for run in runs:
             run.draw(overview, "e", unit)
             run.line(decades, *peaks(run.result["t"], run.result["e"], experiment.duration / INTERVALS))
@@ -206,13 +206,13 @@ def _steady_error(axes: Axes, runs: Sequence[Curve]) -> None:
     windows = [within(run.result["t"], start, end) for run in runs]
     sizes = [largest(run.result["e"][rows]) for run, rows in zip(runs, windows, strict=True)]
     smallest = min((size for size in sizes if size > 0), default=0.0)
-    unit, name = length_unit(max((size for size in sizes if size <= COMPARABLE * smallest), default=np.nan))
+    unit, name = prefixed_unit("m", *(size for size in sizes if size <= COMPARABLE * smallest))
     left_out: list[str] = []
     for run, rows, size in zip(runs, windows, sizes, strict=True):
         if size <= COMPARABLE * smallest:
             run.draw(axes, "e", unit, rows)
         else:
-            scale, its_name = length_unit(size)
+            scale, its_name = prefixed_unit("m", size)
             errors = drawable(run.result["e"][rows]) / scale
             span = f"{np.nanmin(errors):.3g} to {np.nanmax(errors):.3g}".replace("-", "−")
             left_out.append(f"{run.label}: {span} {its_name}, off this panel")
@@ -232,8 +232,8 @@ START_UP = 0.06
 BRAKING = (-0.03, 0.12)
 """Enlarged part around the start of a profile's braking in s, where its acceleration jumps."""
 
-SMALLEST_SPAN = 0.4
-"""Smallest height of an enlarged panel in kN, so that fractions of a newton do not look significant."""
+SMALLEST_SPAN = 1 / 15
+"""Smallest height of an enlarged panel over the largest tension command, so that no trifle looks significant."""
 
 OVERSHOOT = 1.02
 """Ratio of a tension to its limit beyond which it is mentioned."""
@@ -273,17 +273,19 @@ def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
     experiment, kind = runs[0].experiment, "_cmd" if content == "commands" else ""
     start, _, origin, event = enlarged(experiment)
     zoomed = start < experiment.duration
+    shown = [f"F{rope}{kind}" for rope in (1, 2)]
+    unit = tension_unit(experiment, *(largest(run.result[name]) for run in runs for name in shown))
     with new_page(ax, 5.2, *_headings(runs, content)) as page:
         panels = page.panels(2, 1 + zoomed, sharex="col", width_ratios=(2.3, 1)[: 1 + zoomed])
         for rope, axes in enumerate(panels[:2], start=1):
             for run in runs:
-                run.draw(axes, f"F{rope}{kind}", KILO)
-            draw_limits(axes, experiment)
-            axes.set(ylabel=f"{content[:-1]} $F_{rope}$ (kN)", title=f"rope {rope}")
+                run.draw(axes, f"F{rope}{kind}", unit[0])
+            draw_limits(axes, experiment, unit)
+            axes.set(ylabel=f"{content[:-1]} $F_{rope}$ ({unit[1]})", title=f"rope {rope}")
             if not kind:
-                aside(axes, _extremes(runs, f"F{rope}"))
+                aside(axes, _extremes(runs, f"F{rope}", unit))
         for rope, axes in enumerate(panels[2:], start=1):
-            _enlarged_run(axes, runs, f"F{rope}{kind}")
+            _enlarged_run(axes, runs, f"F{rope}{kind}", unit)
         page.time_axes(panels[:2], longest(runs))
         if zoomed:
             panels[2].set_title(event + ", enlarged")
@@ -292,7 +294,7 @@ def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
     return page.figure
 
 
-def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
+def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str, unit: tuple[float, str]) -> None:
     """Draw commands held from sample to sample, and tensions with their ringing between samples."""
     experiment = runs[0].experiment
     start, end, origin, _event = enlarged(experiment)
@@ -302,15 +304,16 @@ def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
         if column in {"F1", "F2"}:
             t, forces = between_samples(run.result, rows)
             values, style = forces[column], {}
-        run.line(axes, (t - origin) * 1e3, values / KILO, **style)
+        run.line(axes, (t - origin) * 1e3, values / unit[0], **style)
     axes.set_xlim((start - origin) * 1e3, (min(end, experiment.duration) - origin) * 1e3)
     bottom, top = axes.get_ylim()
-    spare = max(SMALLEST_SPAN - (top - bottom), 0.0) / 2
-    draw_limits(axes, experiment)
+    span = SMALLEST_SPAN * experiment.controller.limits.tension_max / unit[0]
+    spare = max(span - (top - bottom), 0.0) / 2
+    draw_limits(axes, experiment, unit)
     axes.set_ylim(bottom - spare, top + spare)
 
 
-def _extremes(runs: Sequence[Curve], column: str) -> str:
+def _extremes(runs: Sequence[Curve], column: str, unit: tuple[float, str]) -> str:
     """Peaks or slack in words, as events of a few milliseconds are invisible at this width."""
     finite_runs = [run for run in runs if np.isfinite(run.result[column]).any()]
     slack = {run.label: _slack_time(run.result["t"], run.result[column]) for run in finite_runs}
@@ -323,7 +326,7 @@ def _extremes(runs: Sequence[Curve], column: str) -> str:
     highest_run = finite_runs[peaks.index(highest)].result
     at = highest_run["t"][np.nanargmax(highest_run[column])]
     reached = [run.label for run, peak in zip(finite_runs, peaks, strict=True) if f"{peak:.3g}" == f"{highest:.3g}"]
-    return f"peak {highest / KILO:.2f} kN at {_moment(at)} ({', '.join(reached)})"
+    return f"peak {highest / unit[0]:.2f} {unit[1]} at {_moment(at)} ({', '.join(reached)})"
 
 
 def _slack_time(t: Floats, tension: Floats) -> float:
@@ -373,7 +376,7 @@ def steady_state_bars(results: Runs, *, ax: GivenAxes = None) -> Figure:
 def _steady_errors(axes: Axes, pair: Sequence[Curve], metric: str) -> None:
     quantity, values = metric_quantities()[metric], [run.result.metrics[f"steady_{metric}"] for run in pair]
     power = 2 if quantity.unit == "m^2" else 1
-    unit, name = length_unit(max(values) ** (1 / power))
+    unit, name = prefixed_unit("m", max(values) ** (1 / power))
     heights = [value / unit**power for value in values]
     bars = axes.bar(range(len(pair)), heights, width=0.62, color=[run.colour for run in pair])
     axes.bar_label(bars, [three_digits(height) for height in heights], padding=2, fontsize=8.5)

@@ -21,7 +21,6 @@ from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
 from dualwinch.simulation.plots.style import (
     GREY,
     INK,
-    KILO,
     LIMIT,
     ROPE_COLOURS,
     SKY,
@@ -29,8 +28,9 @@ from dualwinch.simulation.plots.style import (
     draw_limits,
     law_label,
     law_look,
-    length_unit,
     plain,
+    prefixed_unit,
+    tension_unit,
     zero_line,
 )
 from dualwinch.simulation.plots.traces import largest, thin
@@ -381,39 +381,42 @@ def _trajectory_panel(axes: "Axes", run: Curve) -> None:
 
 
 def _error_panel(axes: "Axes", run: Curve) -> None:
-    unit, name = length_unit(largest(run.result["e"]))
+    unit, name = prefixed_unit("m", largest(run.result["e"]))
     run.draw(axes, "e", unit, label=r"$x - x_\mathrm{ref}$")
     zero_line(axes)
     axes.set(ylabel=f"error $e$ ({name})", title="tracking error")
     steady = run.result.metrics.steady_mae
     if np.isfinite(steady):
-        unit, name = length_unit(steady)
+        unit, name = prefixed_unit("m", steady)
         axes.set_title(f"tracking error · mean |e| in the steady state (shaded): {steady / unit:.3g} {name}")
 
 
 def _tensions_panel(axes: "Axes", run: Curve) -> None:
+    lowest, highest = run.result.metrics.min_tension, run.result.metrics.peak_tension
+    size, name = unit = tension_unit(run.experiment, highest)
     for rope, colour in enumerate(ROPE_COLOURS, start=1):
-        run.draw(axes, f"F{rope}_cmd", KILO, color=colour, alpha=0.25, linewidth=4, label=f"command {rope}")
-        run.draw(axes, f"F{rope}", KILO, color=colour, linewidth=1.0, label=f"rope {rope}")
-    draw_limits(axes, run.experiment, label=None)
-    lowest, highest = run.result.metrics.min_tension / KILO, run.result.metrics.peak_tension / KILO
-    words = f" · {lowest:.3g} to {highest:.3g} kN" if np.isfinite(highest) else ""
-    axes.set(ylabel="tension (kN)", title=f"rope tensions{words}")
+        run.draw(axes, f"F{rope}_cmd", size, color=colour, alpha=0.25, linewidth=4, label=f"command {rope}")
+        run.draw(axes, f"F{rope}", size, color=colour, linewidth=1.0, label=f"rope {rope}")
+    draw_limits(axes, run.experiment, unit, label=None)
+    words = f" · {lowest / size:.3g} to {highest / size:.3g} {name}" if np.isfinite(highest) else ""
+    axes.set(ylabel=f"tension ({name})", title=f"rope tensions{words}")
 
 
 def _force_panel(axes: "Axes", run: Curve) -> None:
-    limit = float(run.experiment.controller.limits.force) / KILO
-    run.draw(axes, "u", KILO, color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
-    run.draw(axes, "u_sat", KILO, label="given, sat $u$")
+    limit = float(run.experiment.controller.limits.force)
+    size, name = prefixed_unit("N", limit, largest(run.result["u_sat"]))
+    run.draw(axes, "u", size, color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
+    run.draw(axes, "u_sat", size, label="given, sat $u$")
     words = "force"
-    if largest(run.result["u"]) > limit * KILO:
+    if largest(run.result["u"]) > limit:
+        limit /= size
         share = 100 * run.result.metrics.saturated_share
-        words += f" · beyond ±{limit:g} kN" + (f" in {share:.3g} % of the run" if np.isfinite(share) else "")
+        words += f" · beyond ±{limit:g} {name}" + (f" in {share:.3g} % of the run" if np.isfinite(share) else "")
         for edge in (-limit, limit):
             axes.axhline(edge, **LIMIT)
         bottom, top = axes.get_ylim()
         axes.set_ylim(max(bottom, -FORCE_REACH * limit), min(top, FORCE_REACH * limit))
-    axes.set(ylabel="force (kN)", title=words)
+    axes.set(ylabel=f"force ({name})", title=words)
 
 
 def _disturbance_estimates(run: Curve) -> dict[str, Floats]:

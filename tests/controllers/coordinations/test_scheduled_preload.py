@@ -59,11 +59,11 @@ def test_a_tremor_of_the_force_is_shared_by_both_ropes() -> None:
     assert np.ptp(F1 + F2) == pytest.approx(2 * 200 / (100 * 0.3), rel=0.01)  # what a low-pass of 0.3 s lets through
 
 
-@given(st.floats(100, 2000))
+@given(st.floats(0.02, 0.4))
 def test_the_sum_falls_no_faster_than_it_may(rate: float) -> None:
     sums = [output.preload for output in at_rest([3000.0] * 2000 + [0.0] * 1000, ScheduledPreload(rate=rate))]
     fall = -np.diff(sums[2000:])
-    assert fall.max() == pytest.approx(1e-3 * rate, rel=1e-9)
+    assert fall.max() == pytest.approx(1e-3 * rate * LIMITS.tension_max, rel=1e-9)
     assert np.all(np.diff(sums[:2000]) >= 0)
 
 
@@ -101,7 +101,7 @@ def test_with_all_foreseen_it_is_the_least_sum_of_that_rate_that_is_large_enough
         "reference.pauses": (2.0, 2.0),
         "controller.coordination.kind": "scheduled-preload",
         "controller.coordination.preload": 1000.0,
-        "controller.scheduled_preload.rate": rate,
+        "controller.scheduled_preload.rate": rate / 6000,
         "controller.scheduled_preload.filter_time": 1e6,
         "controller.scheduled_preload.horizon": 2.0,
     }

@@ -31,7 +31,7 @@ def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.Capt
     assert plot.stat().st_size > 1000
 
 
-@pytest.mark.parametrize("more", [(), ("--set", "controller.scheduled_preload.margin=150")])
+@pytest.mark.parametrize("more", [(), ("--set", "controller.scheduled_preload.margin=0.025")])
 def test_another_coordination_of_the_file_has_a_row_as_it_is(
     more: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,7 +20,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case, percent, reductions, steady_change
-from dualwinch.simulation.plots.style import law_look, length_unit
+from dualwinch.simulation.plots.style import law_look, prefixed_unit
 from dualwinch.simulation.plots.traces import peaks, thin
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
@@ -97,9 +97,19 @@ def test_peaks_are_the_largest_of_each_interval() -> None:
     assert largest == pytest.approx([3.0, np.nan, 2.0, np.nan], nan_ok=True)
 
 
-@pytest.mark.parametrize(("largest", "name"), [(2.0, "m"), (0.18, "mm"), (3e-6, "µm"), (0.0, "µm"), (np.nan, "µm")])
-def test_an_error_gets_a_unit_with_few_digits(largest: float, name: str) -> None:
-    assert length_unit(largest)[1] == name
+@pytest.mark.parametrize(
+    ("largest", "size", "name"),
+    [
+        (2.0, 1.0, "m"),
+        (0.18, 1e-3, "mm"),
+        (3e-6, 1e-6, "µm"),
+        (0.0, 1e-6, "µm"),
+        (np.nan, 1e-6, "µm"),
+        (4e3, 1e3, "km"),
+    ],
+)
+def test_a_quantity_gets_the_prefix_that_its_largest_value_needs(largest: float, size: float, name: str) -> None:
+    assert prefixed_unit("m", largest, largest / 9, np.nan) == (size, name)
 
 
 @pytest.mark.parametrize("content", DRAWN)
