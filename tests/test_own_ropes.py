@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -10,25 +9,20 @@ import numpy as np
 import pytest
 
 from dualwinch.analysis.linear_loop import linear_closed_loop
-from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.modes import modes
 from dualwinch.model.linear.operating_point import operating_point
-from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes import ROPES, Rope, RopeLaw
+from dualwinch.model.ropes import Rope, RopeLaw
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.results.file_formats import load_result, save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.space import space_of
 from tests.oracle.sampled import Scenario, run
 from tests.own_ropes import Bedding, Fading, Root, Stiffening
 
@@ -68,28 +62,6 @@ def test_a_run_equals_that_of_the_independent_implementation(
         assert (theirs["F2"].min() >= 0) == slack
 
 
-def test_both_engines_run_them() -> None:
-    ours, theirs = simulate(EXPERIMENT), simulate(EXPERIMENT, engine="interpreter")
-    assert ours.outcome == theirs.outcome == "completed"
-    for name, column in ours.columns.items():
-        assert np.abs(column - theirs[name]).max() <= 1e-9 * max(1.0, np.abs(column).max()), name
-
-
-def test_the_result_says_what_solved_it_also_when_it_is_loaded(tmp_path: Path) -> None:
-    result = simulate(EXPERIMENT)
-    save(result, tmp_path / "run.parquet")
-    again = load_result(tmp_path / "run.parquet", EXPERIMENT)
-    assert again == result
-    assert again.integrator == "rk4"
-    solver = f"rk4 with {structure_of(EXPERIMENT).substeps} sub-steps"
-    assert solver in repr(again)
-    assert solver in again._repr_html_()
-    plain = simulate(override(case(4), {"simulation.duration": 0.1}))
-    assert plain.integrator == "adaptive"
-    with pytest.raises(ConfigurationError, match=r'plant\.rope_1\.kind = "stiffening": no such part is registered'):
-        load_result(tmp_path / "run.parquet")
-
-
 def own_numbers(experiment: Experiment, table: str) -> list[str]:
     """Numbers of a rope's law beside those of mass and sag that every rope has."""
     of_all = {field.name for field in fields(RopeLaw)}
@@ -117,36 +89,6 @@ def test_a_law_that_has_no_value_where_the_rope_is_slack_runs_all_the_same() -> 
     assert np.isfinite(found.gradients["mse"]).all()
 
 
-def test_their_numbers_stand_below_the_ropes_name() -> None:
-    assert own_numbers(EXPERIMENT, "plant.rope_1.") == ["soft", "growth", "damping"]
-    stiffer = override(EXPERIMENT, {SOFT: 5e6, "plant.rope_1.damping": 500})
-    assert stiffer.plant.rope_1 == Stiffening(soft=5e6, damping=500.0)
-    assert stiffer.plant.rope_2 == Stiffening()
-    assert structure_of(stiffer) == structure_of(EXPERIMENT), "numbers compile nothing"
-    assert leaves(stiffer)["plant.rope_1.kind"] == "stiffening"
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({SOFT: 0}, f"{SOFT} = 0: must be a finite number > 0 N"),
-        (
-            {"plant.rope_1.modulus": 9e10},
-            'plant.rope_1.modulus: belongs to plant.rope_1.kind = "kelvin-voigt", here it is "stiffening"',
-        ),
-        (
-            {"plant.rope_1.kind": "steel"},
-            'plant.rope_1.kind = "steel": must be "kelvin-voigt" or "stiffening"',
-        ),
-        ({"plant.rope_1.sof": 1}, f"unknown key 'plant.rope_1.sof'; did you mean '{SOFT}'?"),
-    ],
-)
-def test_what_is_wrong_with_them_is_said_as_of_any_other(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigurationError) as caught:
-        override(EXPERIMENT, values)
-    assert str(caught.value).startswith(message)
-
-
 def test_another_kind_takes_over_what_both_share() -> None:
     wire = override(override(EXPERIMENT, {"plant.rope_1.damping": 300}), {"plant.rope_1.kind": "kelvin-voigt"})
     assert wire.plant.rope_1 == Rope(damping=300.0)
@@ -157,20 +99,6 @@ def test_a_run_begins_with_both_ropes_at_half_the_preload() -> None:
     for rope in (Stiffening(), Bedding()):
         result = simulate(override(case(2, rope=rope), {"simulation.duration": 0.01}))
         assert (result["F1"][0], result["F2"][0]) == (pytest.approx(1000), pytest.approx(1000))
-
-
-def test_many_run_side_by_side_with_numbers_of_their_own() -> None:
-    sets = [[4e6, 8e9], [3e6, 2e9]]
-    batch = rollout([SOFT, GROWTH], sets, [EXPERIMENT], stride=1)
-    nominal = EXPERIMENT.plant
-    for row, values in enumerate(sets):
-        changed = override(EXPERIMENT, dict(zip([SOFT, GROWTH], values, strict=True)))
-        single = simulate(
-            override(changed, {"simulation.substeps": structure_of(EXPERIMENT).substeps}), nominal=nominal
-        )
-        assert batch.outcomes[row, 0] == single.outcome == "completed"
-        assert np.abs(batch.columns["F1"][row, 0] - single["F1"]).max() < 1e-3
-        assert batch.metrics["mse"][row, 0] == pytest.approx(single.metrics.mse, rel=1e-6)
 
 
 def test_scenarios_of_a_batch_take_the_sub_steps_of_their_own() -> None:
@@ -217,14 +145,6 @@ def test_scenarios_of_two_lengths_are_no_batch() -> None:
         rollout([SOFT], [[4e8]], [soft])
 
 
-def test_runs_can_be_differentiated_by_gains_and_beliefs() -> None:
-    smooth = override(EXPERIMENT, {"controller.coordination.preload": 5000})
-    found = sensitivities(["controller.observer.l0"], [[5.0]], [smooth], stride=0)
-    around = rollout(["controller.observer.l0"], [[5.0 - 1e-3], [5.0 + 1e-3]], [smooth])
-    quotient = np.diff(around.metrics["mse"][:, 0])[0] / 2e-3
-    assert found.gradients["mse"][0, 0, 0] == pytest.approx(quotient, rel=1e-3)
-
-
 def test_the_plant_can_be_differentiated_by_their_numbers() -> None:
     whole = block("plant", EXPERIMENT)
     assert whole.derivative is not None
@@ -254,12 +174,6 @@ def test_the_nominal_rope_is_the_tangent_rope() -> None:
     assert tighter["nominal.rope_1.modulus"] > values["nominal.rope_1.modulus"]
     kalman = replace(EXPERIMENT, controller=replace(EXPERIMENT.controller, estimator=CalibratingKalman()))
     assert simulate(kalman).outcome == "completed"
-
-
-def test_a_number_that_is_zero_for_good_is_left_out_of_the_code() -> None:
-    linear = override(EXPERIMENT, {GROWTH: 0, "plant.rope_1.growth": 0})
-    assert {GROWTH, "plant.rope_1.growth"} <= zeros_of(structure_of(linear), parameters_of(linear))
-    assert not zeros_of(structure_of(EXPERIMENT), parameters_of(EXPERIMENT)) & {GROWTH}
 
 
 def test_a_linear_one_runs_as_the_paper_s() -> None:
@@ -292,43 +206,6 @@ def test_operating_points_and_modes_are_theirs() -> None:
     assert np.abs(np.linalg.eigvals(linear_closed_loop(EXPERIMENT, 20.0, 0.5).A)).max() < 1
 
 
-def test_they_become_blocks() -> None:
-    controller, plant, loop = (block(name, EXPERIMENT) for name in ("controller", "plant", "closed-loop"))
-    assert not {SOFT, GROWTH} & {parameter.name for parameter in controller.parameters}
-    for whole in (plant, loop):
-        assert {SOFT, GROWTH} <= {parameter.name for parameter in whole.parameters}
-    start = {state.name: state.start for state in plant.states}
-    assert Stiffening().tension(0.8 * start["theta_1"], 0.0, 50.5) == pytest.approx(1000.0)
-    moved = plant.step([state.start for state in plant.states], *defaults(plant))[0]
-    assert np.isfinite(np.array(moved)).all()
-
-
 def defaults(whole: Any) -> Iterator[list[float]]:
     yield [variable.start for variable in whole.inputs]
     yield [variable.start for variable in whole.parameters]
-
-
-def test_written_as_toml_they_are_read_where_they_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "own.toml"
-    file.write_text(to_toml(override(EXPERIMENT, {SOFT: 5e6})))
-    text = file.read_text()
-    assert 'kind = "stiffening"' in text
-    assert "[N] tension over strain of the unstretched rope; > 0" in text
-    assert load(file, EXPERIMENT) == override(EXPERIMENT, {SOFT: 5e6})
-    with pytest.raises(
-        ConfigurationError, match=r'own\.toml:\d+: plant\.rope_1\.kind = "stiffening": must be "kelvin-v'
-    ):
-        load(file)
-    monkeypatch.setitem(ROPES._parts, "stiffening", Stiffening)
-    assert load(file) == override(EXPERIMENT, {SOFT: 5e6} | {"reference.kind": "profile"})
-    assert override(case(4), {"plant.rope_2.kind": "stiffening", GROWTH: 1e9}).plant.rope_2 == Stiffening(growth=1e9)
-
-
-def test_tuning_finds_the_gains_of_the_controller() -> None:
-    names = {dimension.name for dimension in space_of({}, EXPERIMENT).dimensions}
-    assert names == {dimension.name for dimension in space_of({}, replace(EXPERIMENT, plant=Plant())).dimensions}
-
-
-def test_an_experiment_of_theirs_is_another_than_the_paper_s() -> None:
-    assert Experiment(plant=EXPERIMENT.plant) != Experiment()
-    assert structure_of(Experiment(plant=EXPERIMENT.plant)) != structure_of(Experiment())
