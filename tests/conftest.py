@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shlex
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Protocol
@@ -53,6 +54,33 @@ def registered_for_this_test_only() -> Iterator[None]:
     yield
     for registry, parts in before:
         registry._parts = parts
+
+
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
+    """``refused("simulate --case 5")``: the error line of a command that ends with an exit code, by default 2.
+
+    Before that line stands at most what the command says of its phases.
+    """
+    from dualwinch.cli import main
+
+    def line(words: str, *further: object, code: int = 2) -> str:
+        command, *_ = arguments = [*shlex.split(words), *map(str, further)]
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        error = capsys.readouterr().err
+        assert ended.value.code == code, error
+        *phases, last = error.splitlines()
+        assert last.startswith("dualwinch: error: ")
+        assert "unforeseen" not in last
+        assert len(last) < 1600
+        assert all(phase.startswith(f"{command}: ") for phase in phases), error
+        return last
+
+    return line
 
 
 PaperRun = Callable[[int, str], Result]

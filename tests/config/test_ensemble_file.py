@@ -362,29 +362,3 @@ def test_an_interrupt_writes_what_was_finished(
     assert said.err.splitlines()[-1].startswith(f"dualwinch: error: interrupted; {out} had been written")
     content = json.loads(out.read_text())
     assert (len(content["scenarios"]), content["scenarios_asked"]) == (3, 6)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["simulate", "--ensemble", "see"], "unknown ensemble 'see'; did you mean 'sea'?"),
-        (["simulate", "--ensemble", "missing.toml"], "cannot read missing.toml"),
-        (["simulate", "--scenarios", "3"], "--scenarios: needs --ensemble"),
-        (["simulate", "--seed", "3"], "--set simulation.seed=N"),
-        (["simulate", *SHORT, "--stride", "2"], "--stride and --ensemble"),
-        (["simulate", *SHORT, "--animate", "sea.svg"], "--animate and --ensemble"),
-        (["simulate", *SHORT, "--out", "sea.mat"], ".csv, .parquet, .npz, .json"),
-        (["simulate", *SHORT, "--plot", "sea.gif"], ".png, .svg, .pdf"),
-        (["simulate", "--ensemble", "sea", "--scenarios", "0"], "scenarios = 0: must be a whole number >= 1"),
-        (["simulate", "--ensemble", "sea", "--set", "plant.vehicle.mas=1"], "did you mean 'plant.vehicle.mass'"),
-        (["simulate", "--ensemble", "sea", "--set", "controller.nftsm.p=4"], "controller.nftsm.p = 4: must be odd"),
-        (["config", "--ensemble", "sea", "--case", "1"], "prints a file as it is"),
-    ],
-)
-def test_wrong_words_are_one_line_and_exit_code_2(
-    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert dualwinch(*words) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert message in error

@@ -11,19 +11,10 @@ from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import PLUGIN
+from tests.conftest import Refused
 from tests.spring_law import SPRING, changed
 
 SHORT = ("--set", "simulation.duration=0.05")
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """The error, one line, of a call that must fail."""
-    with pytest.raises(SystemExit) as ended:
-        main([*words])
-    assert ended.value.code == 2
-    errors = [line for line in capsys.readouterr().err.splitlines() if not line.startswith(("tune: ", "worker: "))]
-    assert len(errors) == 1
-    return errors[0]
 
 
 @pytest.fixture
@@ -154,11 +145,11 @@ def test_every_command_that_reads_experiments_knows_its_parts(
 
 @pytest.mark.parametrize("command", [["simulate"], ["linearise"], ["certify"], ["export", "c", "--out", "x"], ["tune"]])
 def test_without_it_the_kind_is_unknown_and_what_to_do_is_told(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: list[str], tmp_path: Path, refused: Refused
 ) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text('[controller]\nkind = "spring"\n\n[controller.spring]\ndamping = 3e4\n')
-    error = refused(capsys, *command, "--config", str(mine))
+    error = refused(*command, "--config", str(mine))
     assert f'{mine}:2: controller.kind = "spring": must be "fando-nftsm" or ' in error
     assert "(a kind of your own: dw.register(YourClass), or --plugin FILE)" in error
 
@@ -168,9 +159,9 @@ def test_without_it_the_kind_is_unknown_and_what_to_do_is_told(
     [["simulate"], ["linearise"], ["compare"], ["tune"], ["config"], ["certify"]]
     + [["export", what] for what in ("c", "fmu", "mex", "casadi")],
 )
-def test_every_command_takes_plugins(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_takes_plugins(command: list[str], refused: Refused) -> None:
     out = ["--out", "x"] if command[0] == "export" else []
-    assert "no_such_law.py: cannot be read" in refused(capsys, *command, "--plugin", "no_such_law.py", *out)
+    assert "no_such_law.py: cannot be read" in refused(*command, "--plugin", "no_such_law.py", *out)
 
 
 def test_help_names_the_built_in_parts(capsys: pytest.CaptureFixture[str]) -> None:

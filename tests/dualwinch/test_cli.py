@@ -6,19 +6,9 @@ import pytest
 
 from dualwinch import __version__
 from dualwinch.cli import main
+from tests.conftest import Refused
 
 SHORT = ["--set", "simulation.duration=0.2"]
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: str, code: int = 2) -> str:
-    """The error line of a call that must fail with an exit code and exactly one line."""
-    with pytest.raises(SystemExit) as ended:
-        main([*words])
-    assert ended.value.code == code
-    error = capsys.readouterr().err
-    assert error.startswith("dualwinch: error: ")
-    assert error.count("\n") == 1
-    return error
 
 
 @pytest.mark.parametrize("command", [[], ["simulate"], ["export"], ["export", "c"]])
@@ -34,59 +24,9 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         assert word in said
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["simulate", "--case", "5"], "case 5: must be 1, 2, 3 or 4"),
-        (["simulate", "--case", "x"], "--case"),
-        (["simulate", "--cas", "4"], "Did you mean --case"),
-        (["simulat"], "simulate"),
-        (["simulate", "--case", "1", "--config", "x.toml"], "one of them"),
-        (["simulate", "--config", "missing.toml"], "missing.toml"),
-        (["simulate", "--controller", "lqr"], "fando-nftsm"),
-        (["simulate", "--controller", "lqi", "--set", "controller.kind=nftsm"], 'given twice, as "lqi" and "nftsm"'),
-        (
-            ["simulate", "--set", "controller.observer.l0=1", "--set", "controller.observer.l0=2"],
-            "given twice, as 1 an",
-        ),
-        (["simulate", "--set", "plant.vehicle.mas=1"], "did you mean 'plant.vehicle.mass'"),
-        (["simulate", "--set", "controller.nftsm.p=4"], "controller.nftsm.p = 4: must be odd"),
-        (["simulate", "--set", "controller.nftsm.q=5"], "must be > controller.nftsm.q = 5"),
-        (["simulate", "--set", "controller.coordination.preload=300"], "> 400 and < 12000 N"),
-        (["simulate", "--set", "reference.speed=3"], "must be <= plant.track.length = 50 m"),
-        (["simulate", "--set", "reference.cruise_until=50"], "ascending order"),
-        (["simulate", "--set", "simulation.duration=1e-9"], "simulation.duration"),
-        (["simulate", "--stride", "0"], "--stride = 0: must be a whole number >= 1"),
-        (["simulate", "--stride", "3"], "--stride: needs --out, --plot or --animate"),
-        (["simulate", "--out", "run.xls"], ".csv, .parquet, .npz, .mat"),
-        (["simulate", "--out", "no/such/folder/run.csv"], "no such folder"),
-        (["simulate", "--plot", "run.gif"], ".png, .svg, .pdf"),
-        (["export", "c", "--out", ""], "--out: must not be empty"),
-        (["export", "c", "--out="], "--out: must not be empty"),
-        (["simulate", "--config", ""], "--config: must not be empty"),
-        (["simulate", "--ensemble", ""], "--ensemble: must not be empty"),
-        (["show", ""], "an argument: must not be empty"),
-        (
-            ["reproduce", "--cases", "1,7"],
-            "unknown case '7'; must be one of 1, 2, 3, 4",
-        ),
-        (
-            ["reproduce", "--controllers", "pid"],
-            "unknown controller 'pid'; did you mean 'pid-cascade'?",
-        ),
-        (["simulate", "--controller", "pid"], "did you mean 'pid-cascade'?"),
-        (["sweep", "plant.vehicle.mass=1..20"], "must be first:last:step or first:last:count:log"),
-    ],
-)
-def test_wrong_input_is_one_line_and_exit_code_2(
-    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert message in refused(capsys, *words)
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "file").write_text("")
-    assert "cannot be made" in refused(capsys, "reproduce", "--out", str(tmp_path / "file" / "results"))
+    assert "cannot be made" in refused("reproduce", "--out", str(tmp_path / "file" / "results"))
 
 
 @pytest.fixture
@@ -98,9 +38,9 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_compiler")
-def test_without_a_compiler_the_error_says_what_would_help(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_compiler_the_error_says_what_would_help(refused: Refused) -> None:
     words = ("simulate", "--engine", "compiled", "--set", "simulation.substeps=3", *SHORT)
-    assert "dualwinch[zig]" in refused(capsys, *words, code=1)
+    assert "dualwinch[zig]" in refused(*words, code=1)
 
 
 @pytest.mark.usefixtures("no_compiler")
@@ -124,33 +64,33 @@ def test_without_a_compiler_the_interpreter_runs_and_a_line_says_so(
 
 @pytest.mark.usefixtures("no_compiler")
 def test_a_compiler_that_was_asked_for_by_name_has_no_substitute(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("DUALWINCH_CC", "no-such-compiler")
-    assert "no-such-compiler" in refused(capsys, "simulate", *SHORT, code=1)
+    assert "no-such-compiler" in refused("simulate", *SHORT, code=1)
 
 
 def test_a_full_disk_is_one_line_and_leaves_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_: Path, target: Path) -> None:
         raise OSError(28, "No space left on device", str(target))
 
     monkeypatch.setattr(Path, "replace", full)
-    error = refused(capsys, "simulate", "--out", str(tmp_path / "run.csv"), *SHORT, code=1)
+    error = refused("simulate", "--out", str(tmp_path / "run.csv"), *SHORT, code=1)
     assert "No space left on device" in error
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of sizes there")
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz", ".mat"])
-def test_a_file_that_grows_too_large_is_named(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_grows_too_large_is_named(suffix: str, tmp_path: Path, refused: Refused) -> None:
     import resource
 
     file, limits = tmp_path / f"run{suffix}", resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
     try:
-        error = refused(capsys, "simulate", "--out", str(file), *SHORT, code=1)
+        error = refused("simulate", "--out", str(file), *SHORT, code=1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert error.startswith(f"dualwinch: error: {file}: File too large")
@@ -169,14 +109,14 @@ def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_before_anything_is_written_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("dualwinch.simulation.simulate.simulate", interrupted)
-    error = refused(capsys, "simulate", "--out", str(tmp_path / "run.csv"), code=1)
-    assert error == "dualwinch: error: interrupted; nothing was written\n"
+    error = refused("simulate", "--out", str(tmp_path / "run.csv"), code=1)
+    assert error == "dualwinch: error: interrupted; nothing was written"
 
 
 INTERRUPTED = """

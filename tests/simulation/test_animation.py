@@ -127,16 +127,3 @@ def test_simulate_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     main(["simulate", "--case", "2", "--set", "simulation.duration=0.5", "--animate", str(file)])
     assert "wrote" in capsys.readouterr().err
     assert file.read_text().startswith("<svg")
-
-
-@pytest.mark.parametrize(
-    ("words", "what"),
-    [
-        (["--animate", "machine.gif"], "unknown suffix '.gif'; must be .svg"),
-        (["--ensemble", "sea", "--animate", "a.svg"], "--animate and --ensemble"),
-    ],
-)
-def test_what_cannot_be_written_is_refused(words: list[str], what: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["simulate", *words])
-    assert what in capsys.readouterr().err

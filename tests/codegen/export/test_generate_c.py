@@ -80,17 +80,3 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     assert "int plant_step(" in text
     assert "controller_step" not in text
     assert "mexFunction" in text
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--generator", "casadi", "--precision", "float"], "writes double precision"),
-        (["--generator", "casadi", "--freeze"], "parameters as an argument"),
-        (["--mex"], "need --generator casadi"),
-    ],
-)
-def test_options_that_do_not_go_together(words: list[str], message: str, tmp_path: Path, capsys) -> None:
-    with pytest.raises(SystemExit):
-        main(["export", "c", *words, "--out", str(tmp_path)])
-    assert message in capsys.readouterr().err

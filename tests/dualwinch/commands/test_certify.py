@@ -39,17 +39,3 @@ def test_a_diverging_run_is_reported_and_its_file_is_valid_json(
     main(["certify", "--case", "1", "--set", "controller.auxiliary.gamma=12000", "--out", str(out)])
     assert "Not certified: the run did not reach its end." in capsys.readouterr().out
     assert json.loads(out.read_text(), parse_constant=pytest.fail)["outcome"] == "diverged"
-
-
-def test_wrong_input_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, message in (
-        (["--out", "c.csv"], "must be .json"),
-        (["--plot", "v.gif"], "unknown suffix '.gif'"),
-        (["--set", "controller.kind=pid-cascade"], "the theorem applies to"),
-    ):
-        with pytest.raises(SystemExit) as stopped:
-            main(["certify", *arguments])
-        assert stopped.value.code == 2
-        error = capsys.readouterr().err
-        assert message in error
-        assert error.count("\n") == 1

@@ -134,35 +134,6 @@ def test_a_bound_that_cannot_be_found_does_not_lose_the_comparison(
     assert (beyond["scenarios"], beyond["without_bound"], beyond["lower_bound_mean_mse"]) == (2, 1, 5e-7)
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((), "give at least one file"),
-        (("paper", "paper"), "paper: given twice"),
-        (("nowhere.toml",), "cannot read nowhere.toml"),
-        (("paper", "--ensemble", "see"), "did you mean 'sea'"),
-        (("paper", "--scenarios", "0"), "scenarios = 0: must be"),
-        (("paper", "--out", "c.csv"), "must be .json"),
-        (("paper", "--plot", "c.gif"), "must be one of .png"),
-        (("paper", "--set", "controller.observer.l0=3"), "controller.observer.l0: the controller comes from the files"),
-    ],
-)
-def test_wrong_input_is_one_line(
-    words: tuple[str, ...],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main(["compare", *words])
-    error = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert message in error
-    assert error.count("\n") == 1
-
-
 def test_an_unknown_gain_names_file_and_line(tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text("[controller.observer]\nl00 = 3.0\n")

@@ -152,25 +152,6 @@ def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("c", "--block", "plnt", "--out", "x"), 'Choose from: "controller", "plant", "closed-loop"'),
-        (("c", "--precision", "half", "--out", "x"), 'Choose from: "double", "float"'),
-        (("c", "--out", "/dev/null/x"), "/dev/null/x: cannot be made"),
-        (("mex", "--set", "plant.vehicle.mass=-1", "--out", "x"), "plant.vehicle.mass = -1"),
-        (("casadi", "--case", "7", "--out", "x"), "case 7: must be 1, 2, 3 or 4"),
-    ],
-)
-def test_wrong_input_gives_one_line(arguments, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        run(*arguments)
-    said = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert message in said
-    assert said.count("\n") == 1
-
-
 def test_structured_text_is_written_with_the_values_of_the_experiment(tmp_path: Path) -> None:
     run("st", "--case", 4, "--set", "controller.nftsm.k=0.7", "--flavour", "codesys", "--out", tmp_path)
     names = {"dualwinch_controller.st", "main.st", "dualwinch_controller.xml", "README.md"}

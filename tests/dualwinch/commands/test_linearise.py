@@ -12,17 +12,6 @@ from dualwinch.cli import main
 from dualwinch.model.linear.linearisation import linearise
 
 
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """The error line of a call that must fail with exactly one line."""
-    with pytest.raises(SystemExit) as ended:
-        main(["linearise", *words])
-    assert ended.value.code == 2
-    error = capsys.readouterr().err
-    assert error.startswith("dualwinch: error: ")
-    assert error.count("\n") == 1
-    return error
-
-
 def test_one_point_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, plot = tmp_path / "plant.json", tmp_path / "bode.png"
     main(["linearise", "--x", "10", "--v", "1.8", "--out", str(out), "--plot", str(plot)])
@@ -95,31 +84,6 @@ def test_figures_of_a_sweep(figure: str, tmp_path: Path) -> None:
     plot = tmp_path / "figure.svg"
     main(["linearise", "--sweep", "v=-1:2:1", "--plot", str(plot), "--figure", figure])
     assert plot.read_text().startswith("<?xml")
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--x", "51"], "x = 51: must be a finite number >= -0.25 and <= 50.25 m"),
-        (["--v", "20"], "v = 20: must be"),
-        (["--preload", "100"], "preload = 100: must be a finite number > 400 and < 12000 N"),
-        (["--preload", "-1"], "controller.coordination.preload = -1.0: must be a finite number > 0 N"),
-        (["--sweep", "y=1:2:1"], "--sweep y=1:2:1: unknown name 'y'; must be one of x, v, preload"),
-        (["--sweep", "x=1:2"], "--sweep x=1:2: must be name=first:last:step, e.g. x=1:47:2"),
-        (["--sweep", "x=5:1:1"], "the step must be finite, not 0, and lead from first to last"),
-        (["--sweep", "x=5:5:1"], "--sweep x=5:5:1: one point only; give --x 5"),
-        (["--sweep", "x=0:50:1e-3"], "50001 points, must be <= 10000"),
-        (["--sweep", "x=0:60:1"], "x = 51: must be"),
-        (["--sweep", "x=1:2:1", "--x", "4"], "--x and --sweep x: give one of them"),
-        (["--dt", "0"], "dt = 0: must be a finite number > 0 s"),
-        (["--out", "plant.txt"], "unknown suffix '.txt'; must be one of .json, .mat, .npz"),
-        (["--figure", "bode"], "--figure: needs --plot"),
-        (["--figure", "poles", "--plot", "a.png"], "--figure poles: needs --sweep"),
-        (["--figure", "shapes", "--plot", "a.png", "--sweep", "x=1:2:1"], "--figure shapes: shows one operating point"),
-    ],
-)
-def test_bad_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert message in refused(capsys, *words)
 
 
 def test_from_python() -> None:

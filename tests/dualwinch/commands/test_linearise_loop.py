@@ -134,22 +134,3 @@ def test_what_a_filter_learns_of_the_ropes_is_held(
     assert not [name for name in json.loads(out.read_text())["states"] if "excess" in name]
     main(["linearise", "--loop", loop, "--estimator", "kalman"])
     assert held not in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--loop", "closed", "--dt", "0.01"], "the loop has the controller's"),
-        (["--loop", "closed", "--opening", "u"], "--opening: needs --loop open"),
-        (["--loop", "closed", "--plot", "p.svg", "--figure", "bode"], "must be poles"),
-        (["--plot", "p.svg", "--figure", "amplitude"], "needs --loop open"),
-        (["--loop", "open", "--v", "3"], "steady motion needs a force of 8590 N"),
-    ],
-)
-def test_wrong_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main(["linearise", *words])
-    assert stopped.value.code == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1

@@ -68,24 +68,6 @@ def test_the_energy_decides_where_it_is_asked_for(capsys: pytest.CaptureFixture[
     assert "of the energy of the best constant preload" in capsys.readouterr().out
 
 
-def test_wrong_input_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, message in (
-        (["--out", "p.csv"], "must be .json"),
-        (["--plot", "p.gif"], "unknown suffix '.gif'"),
-        (["--error", "-1"], "error = -1: must be a finite number >= 0 m"),
-        (["--torque-rate", "0"], "torque_rate = 0: must be a finite number > 0 N m/s"),
-        (["--minimise", "torque"], "torque"),
-        (["--set", "controller.coordination.kind=master-slave"], 'must be "scheduled-preload" here'),
-        (["--set", "controller.scheduled_preload.margin=-1"], "controller.scheduled_preload.margin = -1"),
-    ):
-        with pytest.raises(SystemExit) as stopped:
-            main(["preload", "--case", "4", *arguments])
-        assert stopped.value.code == 2
-        error = capsys.readouterr().err
-        assert message in error
-        assert error.count("\n") == 1
-
-
 def test_a_motion_beyond_the_motors_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         main(["preload", "--case", "4", "--set", "controller.coordination.tension_max=4000"])

@@ -94,37 +94,6 @@ def test_everything_at_once_runs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((), "give keys to differentiate by"),
-        (("sensors.encoder_counts",), "no sensitivity to 'sensors.encoder_counts': it quantises a reading"),
-        (("disturbance.seed",), "no sensitivity to 'simulation.seed': it is a whole number"),
-        (("reference.speed",), "no sensitivity to 'reference.speed': the reference is computed before a run"),
-        (("plant.vehicle.mas",), "unknown parameter 'plant.vehicle.mas'; did you mean 'plant.vehicle.mass'?"),
-        ((MASS, "--metric", "msq"), "--metric msq: unknown metric 'msq'; did you mean 'mse'?"),
-        ((MASS, "--column", "F3"), "columns: unknown column 'F3'; did you mean 'F2'?"),
-        ((MASS, "--out", "slopes.mat"), "slopes.mat: unknown suffix '.mat'; must be one of .csv, .parquet, .npz"),
-        ((MASS, "--plot", "slopes.gif"), "slopes.gif: unknown suffix '.gif'"),
-    ],
-)
-def test_wrong_words_are_one_line(
-    words: tuple[str, ...],
-    message: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stopped:
-        said(capsys, *words, *SHORT)
-    assert stopped.value.code == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
     ("unit", "other", "expected"),
     [("N", "kg", "N/kg"), ("N", "1", "N"), ("1", "m", "1/m"), ("m", "kg/m^3", "m/(kg/m^3)"), ("m", "N m", "m/(N m)")],
 )

@@ -129,36 +129,3 @@ def test_wrong_values_are_one_line(texts: list[str], message: str) -> None:
         axes_from(texts)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ([], "give one or two keys"),
-        (["controller.observer.lo=1,2"], "unknown key 'controller.observer.lo'; did you mean 'controller.observer.l0'"),
-        ([f"{L0}=1,1"], f"{L0} = 1: is given twice"),
-        ([f"{L0}=-1,1"], f"{L0} = -1: must be a finite number >= 0"),
-        ([f"{L0}=1,2", "--metric", "ms"], "--metric ms: unknown metric 'ms'; did you mean 'mse'?"),
-        ([f"{L0}=1,2", "--out", "x.mat"], "must be one of .csv, .parquet, .npz"),
-        ([f"{L0}=1,2", "--out", "no/such/x.csv"], "no such folder"),
-        ([f"{L0}=1,2", "--plot", "x.gif"], ".png, .svg, .pdf"),
-        ([f"{L0}=1,2", "--case", "4", "--config", "x.toml"], "give one of them"),
-        (["metrics=[]"], "metrics: must have at least one value"),
-        (["metrics=room"], "metrics: is the same for all runs"),
-        (
-            ["controller.kind=nftsm,adrc", "--controller", "lqi"],
-            "controller.kind: is swept, and also set, to lqi; give",
-        ),
-        ([f"{L0}=1,2", "--set", f"{L0}=3"], f"{L0}: is swept, and also set, to 3; give one of the two"),
-        (["plant.rope_*.modulus=7e10,8e10"], "plant.rope_*.modulus: must be one key, a sweep takes no patterns"),
-    ],
-)
-def test_wrong_words_are_one_line_and_exit_code_2(
-    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["sweep", *words])
-    assert ended.value.code == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1

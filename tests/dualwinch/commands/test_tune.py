@@ -339,38 +339,3 @@ def test_strings_are_paths(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "seconds"), [("60s", 60), ("90", 90), ("5min", 300), ("1.5h", 5400), ("1e2s", 100)])
 def test_times(text: str, seconds: float) -> None:
     assert seconds_from(text) == seconds
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--time", "soon"], "--time soon: must be a time such as 60s"),
-        (["--time", "0s"], "--time 0s: must be > 0 s and <= 1e+07 s"),
-        (["--time", "1e9s"], "--time 1e9s: must be > 0 s and <= 1e+07 s"),
-        (["--resume"], "study.journal; begin it without --resume"),
-        (["--trials", "0"], "--trials 0: must be a whole number >= 1"),
-        (["--scenarios", "3"], "--scenarios: needs --ensemble"),
-        (["--violation", "1%"], "--violation: needs --ensemble; without one there is a single run"),
-        (["--confidence", "99%"], "--confidence: needs --ensemble; without one there is a single run"),
-        (["--ensemble", "sea", "--scenarios", "0"], "scenarios = 0: must be a whole number >= 1"),
-        (["--seed", "-1"], "seed = -1: must be a whole number >= 0"),
-        (["--space", "controller.nftsm.bta"], "did you mean 'controller.nftsm.beta'?"),
-        (["--space", ""], "--space : must name a gain"),
-        (["--objective", "men.mse"], "unknown statistic 'men'"),
-        (["--constraint", "worst.peak_tension"], "must be STATISTIC<=BOUND"),
-        (["--constraint", "peak_tension<=5500"], "of which statistic? worst.peak_tension<=5500 or mean."),
-        (["--method", "simplex"], "--method simplex: unknown method 'simplex'; must be one of"),
-        (["--storage", "mysql://me:secret@host/x"], "the driver of the database is missing (MySQLdb)"),
-        (["--set", "controller.coordination.preload=100"], "controller.coordination.preload = 100"),
-    ],
-)
-def test_wrong_words_are_one_line(
-    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    short = ["--set", "simulation.duration=0.1", "--out", str(tmp_path)]
-    if "--ensemble" in words:
-        short += ["--set", "simulation.duration=0.1"]
-    assert dualwinch("tune", *words, *short) == 2
-    status, error = capsys.readouterr().err.splitlines()
-    assert status == "tune: reading the problem"
-    assert message in error

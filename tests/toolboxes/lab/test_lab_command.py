@@ -19,6 +19,7 @@ from dualwinch.toolboxes.lab.assemble import own_run
 from dualwinch.toolboxes.lab.cli import lab
 from dualwinch.toolboxes.lab.content import content
 from dualwinch.toolboxes.lab.wasm.structures import structures
+from tests.conftest import Refused
 from tests.toolboxes.lab.in_node import zig_is_there
 
 needs_zig = pytest.mark.skipif(not zig_is_there(), reason="needs zig")
@@ -86,21 +87,14 @@ def test_a_run_without_rows_is_an_error(tmp_path: Path, capsys: pytest.CaptureFi
         (["show", "nothing.parquet"], "cannot read nothing.parquet"),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as failed:
-        main(words)
-    assert failed.value.code == 2
-    assert complaint in capsys.readouterr().err
+def test_what_is_wrong_is_said_in_a_line(words: list[str], complaint: str, refused: Refused) -> None:
+    assert complaint in refused(*words)
 
 
-def test_a_missing_zig_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_zig_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
     monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
     monkeypatch.setenv("PATH", "")  # what has been found before is known by the path
-    with pytest.raises(SystemExit):
-        main(["lab", "--no-browser"])
-    complaint = capsys.readouterr().err
-    assert "pip install 'dualwinch[zig]', or uv run --extra zig" in complaint
-    assert complaint.count("\n") == 1
+    assert "pip install 'dualwinch[zig]', or uv run --extra zig" in refused("lab --no-browser", code=1)
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_L
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.toolboxes.race import race as race_module
 from dualwinch.toolboxes.stress import stress as stress_module
+from tests.conftest import Refused
 from tests.toolboxes.race.made_up import made_up
 from tests.toolboxes.stress.ensembles import DRUMS
 
@@ -195,13 +196,6 @@ def test_an_ensemble_that_draws_gains_is_refused() -> None:
         (("--set", "plant.vehicle.mas=1"), "did you mean 'plant.vehicle.mass'"),
     ],
 )
-def test_wrong_input_is_one_line(
-    words: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["race", "--out", str(tmp_path), *words])
-    error = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("race: reading")]
-    assert ended.value.code == 2
-    assert len(error) == 1
-    assert message in error[0]
+def test_wrong_input_is_one_line(words: tuple[str, ...], message: str, tmp_path: Path, refused: Refused) -> None:
+    assert message in refused("race --out", tmp_path, *words)
     assert list(tmp_path.iterdir()) == []

@@ -20,6 +20,7 @@ from dualwinch.cli import main
 from dualwinch.toolboxes.lab.live import live_run
 from dualwinch.toolboxes.server import cli as serve
 from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
+from tests.conftest import Refused
 from tests.dualwinch.test_printed_figures import left_out
 from tests.toolboxes.server.clients import ENDED, HELLO, HOLDING, STARTS, TORQUES, Client, finished, serving, short
 
@@ -156,13 +157,11 @@ def test_remarks_are_about_the_plant_and_not_about_the_experiments_own_controlle
     ],
 )
 def test_what_is_wrong_is_said_in_a_line(
-    words: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
     (tmp_path / "folder.csv").mkdir()
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit):
-        main(["serve", *SHORT, *words])
-    assert expected in capsys.readouterr().err
+    assert expected in refused("serve", *SHORT, *words)
 
 
 def test_ctrl_c_ends_a_run_and_keeps_what_happened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from dualwinch.toolboxes.stress import cli as stress_command
 from dualwinch.toolboxes.stress import stress as stress_module
 from dualwinch.toolboxes.stress.cli import replaced, study_constraints
 from dualwinch.toolboxes.stress.stress import base_and_ensemble
+from tests.conftest import Refused
 from tests.killed import killed_after, written
 from tests.toolboxes.stress.ensembles import DRUMS, short
 
@@ -195,19 +196,10 @@ def test_tune_says_at_once_that_there_is_nothing_to_break(
     ],
 )
 def test_wrong_input_is_one_line(
-    words: tuple[str, ...],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    words: tuple[str, ...], message: str, refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main(["stress", *words])
-    error = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert message in error
-    assert error.count("\n") == 1
+    assert message in refused("stress", *words)
 
 
 def test_what_gains_have_of_the_ensemble_they_were_tuned_in_comes_off_first() -> None:
