@@ -1,4 +1,4 @@
-"""The figure of docs/mpc.md: ``python -m benchmarks.predictive_figure docs/images/mpc.svg`` draws it."""
+"""The figure of docs/position-laws.md: ``python -m benchmarks.predictive_figure docs/images/mpc.svg`` draws it."""
 
 import argparse
 from dataclasses import dataclass, replace

@@ -1,8 +1,7 @@
 """What a race says about the paper's claims: the tables of its page, from the race's JSON.
 
 ``python -m benchmarks.race_page race`` prints the tables of ``dualwinch race --out race``; ``--write FILE`` puts each
-between its two marks, ``--figures FOLDER`` copies the figures to there. ``--estimators race-estimators`` prints the
-table of another race, of laws with several estimators, with that race or alone.
+between its two marks, ``--figures FOLDER`` copies the figures to there.
 """
 
 import argparse
@@ -93,15 +92,6 @@ def race_table(race: Record) -> str:
     return markdown([*headings, "constraints", "does not differ from"], rows)
 
 
-def estimators_table(race: Record) -> str:
-    """How many times the error is below the paper's, of every law with every estimator."""
-    entries = [entry for entry in race["entries"] if not entry["variant"]]
-    laws, estimators = (list(dict.fromkeys(entry[part] for entry in entries)) for part in ("law", "estimator"))
-    cells = {(entry["law"], entry["estimator"]): _briefly(entry, race) for entry in entries}
-    rows = [[f"`{law}`", *(cells.get((law, estimator), "–") for estimator in estimators)] for law in laws]
-    return markdown(["", *(f"`{estimator}`" for estimator in estimators)], rows)
-
-
 def facts(race: Record) -> str:
     """What the race was, in two sentences."""
     entries = race["entries"]
@@ -168,13 +158,6 @@ def _below(ratio: Record) -> str:
     return below_words(Interval(*(ratio[name] for name in ENDS)))
 
 
-def _briefly(entry: Record, race: Record) -> str:
-    estimate = entry["over_paper"]["estimate"]
-    words = "–" if estimate is None else below_words(Interval(estimate, estimate, estimate)).split(" (")[0]
-    constraints = _constraints(entry, race)
-    return words if constraints == "satisfied" else f"{words}, {constraints}"
-
-
 def _figures(runs: Record) -> list[str]:
     means = runs["statistics"]
     values = [means["mean.chatter"], means["mean.continuous_load"]]
@@ -200,26 +183,16 @@ def _read(folder: Path) -> Record:
 def main() -> None:
     """Print or write the tables of a race."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, nargs="?", metavar="FOLDER", help="of `dualwinch race`")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of `dualwinch race`")
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose tables are replaced")
     parser.add_argument("--figures", type=Path, metavar="FOLDER", help="where the figures are copied to")
-    parser.add_argument("--estimators", type=Path, metavar="FOLDER", help="of a race of several estimators")
     arguments = parser.parse_args()
-    if not (arguments.folder or arguments.estimators):
-        parser.error("needs FOLDER or --estimators FOLDER")
-    if arguments.figures and not arguments.folder:
-        parser.error("--figures needs FOLDER")
-    texts = {}
-    if arguments.folder:
-        race = _read(arguments.folder)
-        texts |= {
-            "claims": claims_table(race),
-            "race": f"{race_table(race)}\n\n{facts(race)}",
-            "least error": least(race),
-        }
-    if arguments.estimators:
-        other = _read(arguments.estimators)
-        texts["estimators"] = f"{estimators_table(other)}\n\n{facts(other)}"
+    race = _read(arguments.folder)
+    texts = {
+        "claims": claims_table(race),
+        "race": f"{race_table(race)}\n\n{facts(race)}",
+        "least error": least(race),
+    }
     for mark, text in texts.items():
         print(text, end="\n\n")
         if arguments.write:

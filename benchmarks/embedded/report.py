@@ -1,7 +1,6 @@
 """The tables of the embedded controller: what it costs on each processor, and what single precision does to a run."""
 
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +27,8 @@ ABOUT = Provenance("dualwinch", "Case 4", "today")
 WILD = 20_000
 """Random samples after those of the run, to drive every branch of the mathematical functions."""
 
-PRECISE_BOARDS = (BOARDS[0], DOUBLE_BOARD, replace(BOARDS[0], precision="double"))
-"""Single precision, double precision, and double precision without an FPU for it."""
+PRECISE_BOARDS = (BOARDS[0], DOUBLE_BOARD)
+"""Single precision, and double precision."""
 
 SEARCHED = Path(__file__).parents[1] / "independent" / "searched.toml"
 """Gains tuned in `site`."""

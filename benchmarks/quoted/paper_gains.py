@@ -37,7 +37,7 @@ LAWS = {
     ),
     "rbf-sliding-mode": ("sliding mode with a network of seven radial basis functions", "Liu 2013"),
     "mpc": (
-        "[model predictive control](mpc.md) with preview of the reference",
+        "[model predictive control](#model-predictive-control) with preview of the reference",
         "Rawlings, Mayne and Diehl 2017",
     ),
 }

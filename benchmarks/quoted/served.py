@@ -144,12 +144,13 @@ def share_within(timing: dict, most: float) -> float:
 
 
 def registers() -> str:
-    """What clients read and write, with the first Modbus register of each."""
+    """What clients read beside the readings of a datagram, and what they write, with the first Modbus register."""
     plant = ServedPlant(case(4))
     plant.release()
     rows = [
         [str(register.modbus), f"`{register.name}`", unit(register.leaf.quantity.unit), register.leaf.quantity.meaning]
         for register in registers_of(plant)
+        if register.offset is None
     ]
     return markdown(["Modbus", "name", "unit", "meaning"], rows).replace("|---|--:|--:|--:|", "|--:|---|---|---|")
 

@@ -9,7 +9,7 @@ sub-step, that moment is located and the rest of the sub-step follows the other 
 Where neither rope can go slack within a sample and dry friction is nearly linear, one step spans the whole sample
 (`taut_step`). That holds most of the time; start-up, slack and the first centimetres of a hard start take sub-steps.
 
-Every formula is derived in docs/exponential-integrator.md and cited here by its number there.
+Every formula is derived in docs/accuracy.md and cited here by its number there.
 
 Second order in the sub-step, also through slack. Accurate while a sub-step spans less than a third of an oscillation
 (without slack: one), and stable up to two. Not a general exponential Runge–Kutta method: it is specific to the

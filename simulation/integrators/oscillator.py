@@ -1,7 +1,7 @@
 """One rope and its drum over a step: a damped oscillation in closed form while taut, free motion while slack.
 
 Where the rope goes slack or tight within the step, the moment is located as the root of a parabola, and a power series
-gives the taut part. Equations are those of docs/exponential-integrator.md. The unit of time is the step, which avoids
+gives the taut part. Equations are those of docs/accuracy.md. The unit of time is the step, which avoids
 products with its length: rates are in m/step, and so on.
 """
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.race_page import claims_table, estimators_table, facts, least, main, race_table
+from benchmarks.race_page import claims_table, facts, least, main, race_table
 from dualwinch.toolboxes.race.entries import RaceEntry
 from tests.toolboxes.race.made_up import made_up, scored
 
@@ -70,34 +70,14 @@ def test_the_least_error_is_told_without_and_with_foresight() -> None:
     assert "over all scenarios: 0.2 mm for a non-anticipating optimal controller, 0.1 mm with full" in least(found)
 
 
-def test_every_law_with_every_estimator_has_a_cell() -> None:
-    found = made_up()
-    other = replace(scored("adrc", 0.25), entry=RaceEntry("adrc", "lowpass", "differential-tension"))
-    table = estimators_table(replace(found, entries=(other, *found.entries)).to_dict())
-    usual = found.entries[0].entry.estimator
-    assert table.splitlines()[0].split("|")[2:4] == [f" `{usual}` ", " `lowpass` "]
-    rows = {row[0]: row[1:] for row in cells(table)}
-    assert set(rows) == {"`adrc`", "`nftsm`", "`fando-nftsm`"}
-    assert rows["`nftsm`"][1] == "–"
-    assert float(rows["`adrc`"][1].removesuffix(" ×")) == pytest.approx(4, rel=0.1)
-    assert rows["`fando-nftsm`"][0].endswith("violated: worst.peak_tension <= 6000 N")
-
-
-def test_either_race_is_written_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_block_of_a_page_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, page = tmp_path / "race", tmp_path / "page.md"
     folder.mkdir()
     (folder / "race.json").write_text(json.dumps(RACE))
-    marks = ("claims", "race", "least error", "estimators")
-    blank = "".join(f"<!-- {mark}: begin -->\n<!-- {mark}: end -->\n" for mark in marks)
-    for words, absent in (([str(folder)], ["estimators"]), (["--estimators", str(folder)], list(marks[:3]))):
-        page.write_text(blank)
-        monkeypatch.setattr(sys, "argv", ["race_page", *words, "--write", str(page)])
-        main()
-        text = page.read_text()
-        for mark in marks:
-            inside = text.split(f"<!-- {mark}: begin -->")[1].split(f"<!-- {mark}: end -->")[0].strip()
-            assert (inside == "") == (mark in absent)
-    for words in ([], ["--estimators", str(folder), "--figures", str(tmp_path)]):
-        monkeypatch.setattr(sys, "argv", ["race_page", *words])
-        with pytest.raises(SystemExit):
-            main()
+    marks = ("claims", "race", "least error")
+    page.write_text("".join(f"<!-- {mark}: begin -->\n<!-- {mark}: end -->\n" for mark in marks))
+    monkeypatch.setattr(sys, "argv", ["race_page", str(folder), "--write", str(page)])
+    main()
+    text = page.read_text()
+    for mark in marks:
+        assert text.split(f"<!-- {mark}: begin -->")[1].split(f"<!-- {mark}: end -->")[0].strip()

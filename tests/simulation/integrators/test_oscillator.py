@@ -1,4 +1,4 @@
-"""The formulas of docs/exponential-integrator.md, worked out again: matrix exponentials, quadrature, roots.
+"""The formulas of docs/accuracy.md, worked out again: matrix exponentials, quadrature, roots.
 
 Numbers in test names are those of the document.
 """
@@ -25,7 +25,7 @@ from dualwinch.simulation.integrators.oscillator import (
 )
 
 ROOT = Path(__file__).parents[3]
-DOCUMENT = (ROOT / "docs" / "exponential-integrator.md").read_text(encoding="utf-8")
+DOCUMENT = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
 SOURCES = sorted((ROOT / "simulation" / "integrators").glob("*.py"))
 
 Floats = NDArray[np.float64]
