@@ -88,7 +88,7 @@ def race_table(race: Record) -> str:
         for entry in race["entries"]
     ]
     rows.append(["the paper's gains", "1 ×", *_figures(race["paper"]), _constraints(race["paper"], race), ""])
-    headings = ["", "error below the paper's", "RMS error (mm)", "chatter (N)", "load (N m)", "operations a sample"]
+    headings = ["", "error below the paper's", "RMS error (mm)", "chatter (N)"]
     return markdown([*headings, "constraints", "does not differ from"], rows)
 
 
@@ -160,9 +160,8 @@ def _below(ratio: Record) -> str:
 
 def _figures(runs: Record) -> list[str]:
     means = runs["statistics"]
-    values = [means["mean.chatter"], means["mean.continuous_load"]]
-    shown = ["–" if value is None else f"{value:.3g}" for value in values]
-    return [_rms(means["mean.mse"]), *shown, str(runs["operations"])]
+    chatter = means["mean.chatter"]
+    return [_rms(means["mean.mse"]), "–" if chatter is None else f"{chatter:.3g}"]
 
 
 def _rms(mean_square: float | None) -> str:

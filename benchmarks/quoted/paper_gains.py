@@ -176,11 +176,10 @@ def nearby() -> str:
     clipped = float(re.findall(r"by ([\d.e+]+) N", dw.nearby_gains(dw.certify(dw.case(3))).reason)[0])
     verdict = "*certified*, real ropes included" if certified.certified_with_ropes else "not certified"
     return f"""\
-**Gains nearby.** The command raises every gain that falls short, runs again, and repeats, for a change of gains
-also changes the bounds. In Case 4 it finds γ = {gamma:g}: there the force never saturates, Z_a stays zero and γ
-may be anything; the run is the same one. In Cases 1 and 3 (`--case 3`) it finds none, and says why: the first
-sample clips {clipped:.0f} N, and with any γ the condition allows, that one sample throws the sliding surface so
-far that the loop runs away.
+**Gains nearby.** The command raises every gain that falls short, runs again, and repeats. In Case 4 it finds
+γ = {gamma:g}: there the force never saturates, and the run is the same one. In Cases 1 and 3 (`--case 3`) it finds
+none, and says why: the first sample clips {clipped:.0f} N, after which the loop runs away with any γ that the
+condition allows.
 
 **Does V decrease?** In Case 4 over {100 * given.decreasing:.0f} % of the samples, and as fast as the last line of
 the proof requires over {100 * given.within_claim:.0f} %. Nor do gains that satisfy everything help:
@@ -281,5 +280,4 @@ def predictive() -> str:
 With its default gains and the paper's vortices (Case 4, perfect sensors) its RMS error and chatter are
 {words[4, "mpc"]}; those of ADRC {words[4, "adrc"]}, of the paper's law {words[4, LAW]}. Where the model is exact
 and nothing disturbs it (Case 2) the others are better, {others[0]:.1f} and {others[1]:.1f} µm beside
-{1e6 * errors[2, "mpc"]:.0f} µm: they step the force with the reference's acceleration, which is just what this law
-avoids. (`uv run dualwinch simulate --case 4 --controller mpc`, and so on.)"""
+{1e6 * errors[2, "mpc"]:.0f} µm: they step the force with the reference's acceleration, which this law avoids."""

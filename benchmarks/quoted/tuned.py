@@ -128,13 +128,10 @@ def rig() -> str:
 
 The paper's controller has no position but the sensor's: during an outage it acts on the last reading. The second
 row is therefore the fair comparison: {without.paper / without.tuned:.0f} times, at {load:.2f} times the motors'
-load. The tuned gains estimate with the filter `self-calibrating-kalman`, which learns encoder zeros, drum radii and
-ropes during the run, with an uncertainty for each ([what sensors can tell](observability.md)). They still hold
-where all of the above are {held:.2g} times as large at once; at {breaks:.2g} times they break a limit ({by};
-`stress`).
-
-The mean is larger than most runs (their median: {median:.5f} mm²), because of the few draws that ask for nearly all
-the force the motors have."""
+load. The tuned gains estimate with [`self-calibrating-kalman`](observability.md). They still hold where all of the
+above are {held:.2g} times as large at once; at {breaks:.2g} times they break a limit ({by}; `stress`). The mean is
+larger than most runs (their median: {median:.5f} mm²), because of the few draws that ask for nearly all the force
+the motors have."""
 
 
 def breakdown() -> str:

@@ -66,10 +66,10 @@ NOTES = (
         "erratum",
         "phase of the vortices",
         "The vortex force is a sine of 2π f t with the frequency f of the present speed (4.3). While the speed "
-        "changes, the force's own frequency differs from f. Moreover f and the amplitude, a fifth of the drag, are "
-        "nearer to those across the flow: along it vortices push twice in a period, with about a tenth of the drag.",
-        "The paper's form is the default, so that results are comparable. With integrated_phase the frequency is "
-        "integrated. Twice the strouhal number and half the vortex_amplitude are the push along the flow.",
+        "changes, the force's own frequency differs from f. Along the flow vortices push twice in a period, with "
+        "about half the amplitude.",
+        "The paper's form. With integrated_phase the frequency is integrated. Twice the strouhal number and half the "
+        "vortex_amplitude are the push along the flow.",
         keys=("disturbance.integrated_phase", "disturbance.strouhal", "disturbance.vortex_amplitude"),
         modules=("model/disturbance.py",),
     ),
@@ -88,16 +88,15 @@ NOTES = (
         "erratum",
         "acceleration in the observer",
         "The disturbance observer (3.1.3) uses the acceleration error ė₂, which is not measured.",
-        "The difference of the speed error over a sample replaces it, together with the acceleration of the last "
-        "command: the observer needs no acceleration sensor.",
+        "The difference of the speed error over a sample and the acceleration of the last command replace it.",
         modules=("controllers/laws/observer.py",),
     ),
     Note(
         "E7",
         "erratum",
         "factor lost in the switching control",
-        "From the condition on u_sw (3.1.1) to u_sw itself, the factor p/(q β) |e₂|^(p/q−1) is lost. With the control "
-        "as printed, the sliding variable follows the reaching law times that factor, not the reaching law.",
+        "From the condition on u_sw (3.1.1) to u_sw itself, the factor p/(q β) |e₂|^(p/q−1) is lost: the sliding "
+        "variable follows the reaching law times that factor.",
         "The control is the printed one, to reproduce the paper.",
         keys=("controller.nftsm",),
         modules=("controllers/laws/nftsm.py",),
@@ -214,8 +213,7 @@ NOTES = (
         "assumption",
         "fuzzy rules",
         "Labels, membership functions, rules and scales of the fuzzy system (3.1.3) are not given.",
-        "Five triangular labels per input, product inference, a symmetric table of rules; the inputs are scaled and "
-        "low-pass filtered.",
+        "Five triangular labels per input, product inference, a symmetric table of rules; scaled, filtered inputs.",
         keys=(
             "controller.observer.error_scale",
             "controller.observer.rate_scale",
@@ -256,8 +254,7 @@ NOTES = (
         "structure of the PID cascade",
         "The baseline is described by four numbers (4.1).",
         "A position loop commands a speed, a speed loop an acceleration, which is multiplied by the mass; the "
-        "integrals are held while they would drive the force further beyond its limit. Coordination and winch "
-        "controllers are the same as for the other controllers.",
+        "integrals are held while they would drive the force further beyond its limit.",
         keys=("controller.pid_cascade",),
         modules=("controllers/laws/pid_cascade.py",),
     ),
@@ -277,8 +274,7 @@ NOTES = (
         "mass and weight of ropes, winches",
         "Ropes have neither mass nor weight (2.2), gearboxes are rigid (2.4), and a drum of 1.6 m diameter has an "
         "inertia of 1.8 kg m² (Table 1). The rail is level, and friction on it the same at all speeds (2.3).",
-        "The same by default. Mass, sag on rollers, drag, hysteresis, rotors and elastic gearboxes, Stribeck friction "
-        "with LuGre bristles and a sloping rail can be set; the ensemble `site` has them.",
+        "The same by default. All of it can be set; the ensemble `site` has it.",
         keys=(
             "plant.rope_1.mass_per_length",
             "plant.rope_1.submerged_weight",
@@ -299,9 +295,7 @@ NOTES = (
         "damping of the drums",
         "The winch controllers (3.3) act on the tension alone; the oscillation of a heavy drum on its rope is then "
         "hardly damped.",
-        "The same by default. With damping, the motor also opposes the drum's deviation from the reference speed; its "
-        "torque may fall to zero. On a rope shorter than a twentieth of the track, damping and kp decrease with its "
-        "length.",
+        "The same by default. With damping, the motor also opposes the drum's deviation from the reference speed.",
         keys=("controller.winch_1.damping",),
         modules=("controllers/coordinations/winch_pid.py",),
         page="site.md",
