@@ -1,6 +1,6 @@
 """What tuned gains come to on machines that no search has seen, and what breaks them: searches of minutes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import sqrt
@@ -141,18 +141,23 @@ def breakdown() -> str:
         each.replace("paper breaks", "the paper's break").replace("given breaks", "those gains break")
         for each in headings
     ]
-    return markdown(headings, rows).replace("--:|", "---|")
+    return markdown(_without_amount(headings), [_without_amount(row) for row in rows]).replace("--:|", "---|")
+
+
+def _without_amount(row: Sequence[str]) -> list[str]:
+    """A row without its second cell, the amount in the ensemble."""
+    return [row[0], *row[2:]]
 
 
 def heavy_breakdown() -> str:
     """Sizes at which what `site` has beyond `rig` breaks gains that were tuned in `rig`, with the default margins."""
     found = dw.stress(best("rig"), ensemble="site", base="rig")
     rows = [
-        (*row[:2], *row[-2:])
+        (row[0], *row[-2:])
         for each, row in zip(found.ranking, found.table()[1], strict=True)
         if each.margins["given"].size is not None
     ]
-    table = markdown(["imperfection", "in site", "gains tuned in rig break at", "by"], rows).replace("--:|", "---|")
+    table = markdown(["imperfection", "gains tuned in rig break at", "by"], rows).replace("--:|", "---|")
     return f"{table}\n\n*{len(found.ranking) - len(rows)} further imperfections break them at no size.*"
 
 
