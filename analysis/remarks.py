@@ -18,12 +18,12 @@ from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.linear.modes import Mode
 from dualwinch.model.plant import is_distributed
-from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.streamed import EnsembleStatistics
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, start_function
+from dualwinch.simulation.loop.structure import is_automatic, solver_of, stiffest_mode
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.result import Result
 
@@ -39,15 +39,13 @@ class RemarkLimits:
         torque_saturated: share of the samples with a motor torque at a limit; half in the paper's cases, whose second
             rope is kept at its smallest tension.
         overload: largest tension over the limit of its command; 1.33 in the paper's Case 1.
-        unusual: ratio of a value of the machine to its default, or the inverse.
-        resized: the same, for sizes of ropes and winches that require other tension limits than the paper's.
+        resized: ratio of a size of ropes or winches to the paper's, or the inverse, that requires other tension limits.
     """
 
     chatter: float = 0.01
     saturated: float = 0.05
     torque_saturated: float = 0.6
     overload: float = 1.5
-    unusual: float = 300.0
     resized: float = 1.5
 
 
@@ -179,43 +177,21 @@ def starred(words: str) -> str:
 NUMBER = re.compile(r"\b(winch|rope|creep)_([12])\b")
 
 
-TYPICAL = {
-    f"plant.{part}.{name}": value
-    for parts, values in (
-        (ROPE_KEYS, {"mass_per_length": 2.36, "submerged_weight": 20.0}),
-        (WINCHES, {"gear_stiffness": 1e6, "rotor_inertia": 0.02}),
-    )
-    for part in parts
-    for name, value in values.items()
-}
-"""Typical values of a 24 mm rope and its winch, for keys whose default 0 leaves an effect out (docs/site.md)."""
-
-
-def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -> list[str]:
-    """Remarks on values of a machine so far from usual ones that a wrong unit is likely, such as mm or GPa."""
-    limits, described = limits or RemarkLimits(), describe_parts(experiment)
-    defaults = {key: (value, "the default") for key, value in leaves(Experiment()).items()}
-    usual = defaults | {key: (value, "a typical value") for key, value in TYPICAL.items()}
-    improbable = list[str]()
-    for key, value in leaves(experiment).items():
-        reference, words = usual.get(key, (None, ""))
-        if not (isinstance(value, float) and isinstance(reference, float) and min(value, reference) > 0):
-            continue
-        unit = described[key].quantity.unit
-        if key.startswith(MACHINE) and unit not in {"", "1"}:
-            ratio = value / reference
-            if max(ratio, 1 / ratio) >= limits.unusual:
-                improbable.append(
-                    f"{key} = {value:g} {unit} is {ratio:.2g} times {words}, {reference:g} {unit}: check its unit"
-                )
-    return improbable
+def raised_substeps(experiment: Experiment) -> list[str]:
+    """Remark on sub-steps that the adaptive integrator takes beyond `simulation.substeps`, as the plant needs them."""
+    simulation, plant, limits = experiment.simulation, experiment.plant, experiment.controller.limits
+    try:
+        solver = solver_of(experiment)
+        if is_automatic(experiment) or solver.substeps <= simulation.substeps:
+            return []
+        mode = stiffest_mode(plant, solver.integrator, limits)
+    except (ConfigurationError, ArithmeticError):
+        return []
+    return [f"simulation.substeps = {simulation.substeps}: {solver.substeps} are taken, as {mode}"]
 
 
 NOT_COMPUTABLE = (DualwinchError, ArithmeticError, np.linalg.LinAlgError)
 """Errors of a loop without a steady state, or with values beyond every float: nothing is remarked on it."""
-
-MACHINE = ("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_")
-"""Beginnings of the keys whose values have a usual size."""
 
 
 def remarks(

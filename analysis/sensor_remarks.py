@@ -1,5 +1,6 @@
 """Remarks on sensors that the controller takes for better than they are, and on one that is better than any."""
 
+from collections.abc import Collection
 from dataclasses import fields
 
 import numpy as np
@@ -17,10 +18,11 @@ POINTS = 1000
 """Times of a run at which the reference's speed is looked at."""
 
 
-def sensor_remarks(experiment: Experiment) -> list[str]:
+def sensor_remarks(experiment: Experiment, checked: Collection[str] = ()) -> list[str]:
     """Remarks on delays and rates of sensors that the controller does not assume, and on a speed without noise.
 
-    Of a late position the remark has the error that it makes at the reference's largest speed.
+    Of a late position the remark has the error that it makes at the reference's largest speed. Nothing is said of a
+    speed without noise where the user has `checked` that key.
 
     Example:
         >>> import dualwinch as dw
@@ -50,7 +52,7 @@ def sensor_remarks(experiment: Experiment) -> list[str]:
             f"sensors.position_rate = {rate:g} a second: the controller takes held readings for new ones{hint}"
         )
     noisy = [f"sensors.{name}" for name in NOISES if values[f"sensors.{name}"]]
-    if noisy and not values["sensors.speed_noise"]:
+    if noisy and not values["sensors.speed_noise"] and "sensors.speed_noise" not in checked:
         remarks.append(
             f"sensors.speed_noise = 0: a speed without noise beside {', '.join(noisy)}; no wheel is so good, and "
             "gains found with it need not hold"

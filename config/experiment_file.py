@@ -188,7 +188,9 @@ WIDEST = 60
 """Largest width of the column of entries, in characters; comments of longer entries start further right."""
 
 
-def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str:
+def to_toml(
+    experiment: Experiment, given: Collection[str] | None = None, checked: Collection[str] = frozenset()
+) -> str:
     """The complete experiment as TOML, with unit, meaning, source and range of each key as a comment.
 
     A key without a value of its own is commented out, with the value that it takes from elsewhere, if any. Paths of
@@ -197,6 +199,7 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
     Args:
         experiment: to be written.
         given: keys given in the user's file (`own_keys`); all others are marked: still the paper's, or a default.
+        checked: keys that the user has marked as right (`checked_keys`).
 
     Example:
         >>> import dualwinch as dw
@@ -208,7 +211,7 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
     if given is not None:
         lines.append("# PAPER: not given, still the paper's machine; DEFAULT: not given, not of the paper either.")
-    return "\n".join(lines + _tables(experiment, describe_parts(experiment), given)) + "\n"
+    return "\n".join(lines + _tables(experiment, describe_parts(experiment), given, checked)) + "\n"
 
 
 def given_keys(path: Path) -> frozenset[str]:
@@ -224,6 +227,20 @@ def own_keys(path: Path) -> frozenset[str]:
     """Keys given in an experiment's file, without those that `to_toml` has added and marked."""
     source = read_source(path)
     return frozenset(key for key, _ in flattened(replace(source, text=MARKED.sub("", source.text)).table()))
+
+
+CHECKED = "CHECKED"
+"""Beginning of the comment on a value that its user has marked as right."""
+
+CHECKED_LINE = re.compile(rf"^\s*[\w.-]+\s*=.*#\s*{CHECKED}\b.*$", re.MULTILINE)
+"""A line with such a comment."""
+
+
+def checked_keys(path: Path) -> frozenset[str]:
+    """Keys of an experiment's file whose values are marked as right, by a comment that begins with `CHECKED`."""
+    source = read_source(path)
+    others = replace(source, text=CHECKED_LINE.sub("", source.text))
+    return given_keys(path) - {key for key, _ in flattened(others.table())}
 
 
 def own_parts_to_toml(experiment: Experiment) -> str:
@@ -246,7 +263,12 @@ def own_parts_to_toml(experiment: Experiment) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collection[str] | None = None) -> list[str]:
+def _tables(
+    experiment: Experiment,
+    described: Mapping[str, Leaf],
+    given: Collection[str] | None = None,
+    checked: Collection[str] = frozenset(),
+) -> list[str]:
     """Lines of the described keys of an experiment, table by table."""
     values, borrowed, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
@@ -263,7 +285,7 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collec
         entry = f"{name} = {toml_value(value)}"
         if value is None:
             entry = f"# {name} = {toml_value(borrowed[key]) if key in borrowed else ''}".rstrip()
-        mark = ""
+        mark = f"{CHECKED}: " if key in checked else ""
         if given is not None and key not in given and key not in unused:
             papers = "aper" in leaf.quantity.source or "Table" in leaf.quantity.source
             mark = "PAPER: " if papers else "DEFAULT: "

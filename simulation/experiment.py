@@ -74,7 +74,7 @@ class Simulation:
         int,
         at.Ge(1),
         at.Le(256),
-        Quantity("1", "integration steps per sample (adaptive: where one step is not enough)", ""),
+        Quantity("1", "integration steps per sample (adaptive: at least, where one step is not enough)", ""),
         Mark.SHAPES_CODE,
     ] = 5
     engine: Annotated[

@@ -208,13 +208,13 @@ def _check_jerk(experiment: Experiment) -> None:
 
 def _check_substeps(experiment: Experiment) -> None:
     simulation, plant, limits = experiment.simulation, experiment.plant, experiment.controller.limits
-    integrator = solver_of(experiment).integrator
+    integrator, substeps = solver_of(experiment)
     if is_automatic(experiment):
         return
     needed = stable_substeps(plant, simulation, integrator, limits)
-    if simulation.substeps < needed:
+    if substeps < needed:
         raise ConfigurationError(
-            f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {integrator} at "
+            f"simulation.substeps = {substeps}: must be >= {needed} for {integrator} at "
             f"simulation.sample_time = {simulation.sample_time:g} s ({stiffest_mode(plant, integrator, limits)})"
         )
 

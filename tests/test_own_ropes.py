@@ -140,7 +140,7 @@ def test_scenarios_of_two_lengths_are_no_batch() -> None:
     with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: must have the structure and the length of scen"):
         rollout(["controller.nftsm.beta"], [[0.05]], [soft, longer])
     with pytest.raises(
-        ConfigurationError, match=r"^parameters\[0\]: simulation\.substeps = \d+: must be >= \d+ for ro"
+        ConfigurationError, match=r"^parameters\[0\]: simulation\.substeps = \d+: must be >= \d+ for rk4"
     ):
         rollout([SOFT], [[4e8]], [soft])
 

@@ -28,7 +28,7 @@ def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | No
         dualwinch config --config mine.toml --start > start.toml
     """
     from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
-    from dualwinch.config.experiment_file import own_keys, own_parts_to_toml, to_toml
+    from dualwinch.config.experiment_file import checked_keys, own_keys, own_parts_to_toml, to_toml
     from dualwinch.model.errors import ConfigurationError
 
     if start:
@@ -37,7 +37,8 @@ def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | No
     if ensemble is None:
         experiment = given.experiment()
         mine = own_keys(given.config) | given.values.keys() if given.config else None
-        sys.stdout.write(to_toml(experiment, mine) + (own_parts_to_toml(experiment) if given.plugin else ""))
+        checked = checked_keys(given.config) if given.config else frozenset()
+        sys.stdout.write(to_toml(experiment, mine, checked) + (own_parts_to_toml(experiment) if given.plugin else ""))
         return
     if given.case is not None or given.config or given.assignments:
         raise ConfigurationError("--ensemble: prints a file as it is; give --case, --config or --set to 'simulate'")
@@ -49,7 +50,7 @@ def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | No
 def _start(given: ExperimentOptions, ensemble: str | None) -> str:
     """A start of ``tune`` as TOML, designed for the machine, with the reasons for what nobody has named."""
     from dualwinch.analysis.design import designed
-    from dualwinch.config.experiment_file import own_keys, to_toml
+    from dualwinch.config.experiment_file import checked_keys, own_keys, to_toml
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.tuning.tuning_problem import named_keys, tuning_problem
 
@@ -64,4 +65,5 @@ def _start(given: ExperimentOptions, ensemble: str | None) -> str:
     values, usual = leaves(experiment), leaves(before)
     differing = {key for key, value in values.items() if usual.get(key) != value}
     mine = own_keys(given.config) | given.values.keys() | differing if given.config else None
-    return "".join(f"# {line}\n" for line in words) + to_toml(experiment, mine)
+    checked = checked_keys(given.config) if given.config else frozenset()
+    return "".join(f"# {line}\n" for line in words) + to_toml(experiment, mine, checked)

@@ -189,7 +189,7 @@ class ExperimentOptions:
         Raises:
             ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
         """
-        from dualwinch.config.experiment_file import experiment_from, own_keys
+        from dualwinch.config.experiment_file import checked_keys, experiment_from, own_keys
 
         use_parts(self.plugin)
         values = self.values
@@ -197,7 +197,8 @@ class ExperimentOptions:
         experiment = experiment_from(self.case, self.config, None, [*remaining_defaults, *self.assignments])
         keys_of_user = own_keys(self.config) if self.config else frozenset()
         note_empty(self.config)
-        note_left_defaults(experiment, keys_of_user | values.keys())
+        checked = checked_keys(self.config) if self.config else frozenset()
+        note_left_defaults(experiment, keys_of_user | values.keys(), checked)
         return experiment
 
     def exported(self, block: str | None = None) -> Experiment:
@@ -310,17 +311,26 @@ class ControllerOptions(ExperimentOptions):
         return design
 
 
-def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
-    """Print notes on defaults that do not follow the user's `own` keys, on unusual or idle values, and on sensors."""
+def note_left_defaults(experiment: Experiment, own: Collection[str], checked: Collection[str]) -> None:
+    """Print notes on defaults that do not follow the user's `own` keys, and on units, idle values and sensors.
+
+    Values of `checked` keys are right.
+    """
     if not own:
         return
-    from dualwinch.analysis.remarks import defaults_left, unusual_values, without_effect
+    from dualwinch.analysis.plausibility import unlikely_units
+    from dualwinch.analysis.remarks import defaults_left, raised_substeps, without_effect
     from dualwinch.analysis.sensor_remarks import sensor_remarks
     from dualwinch.simulation.experiment import Experiment
 
     same = experiment.plant == Experiment().plant
-    remarks = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
-    for words in [*remarks, *without_effect(experiment, own), *sensor_remarks(experiment)]:
+    remarks = [] if same else [*defaults_left(experiment, own), *unlikely_units(experiment, own, checked)]
+    for words in [
+        *remarks,
+        *raised_substeps(experiment),
+        *without_effect(experiment, own),
+        *sensor_remarks(experiment, checked),
+    ]:
         print_note(words, stderr=True)
 
 

@@ -25,9 +25,11 @@ from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import starts
 from dualwinch.simulation.loop.structure import (
     LoopStructure,
+    Solver,
     is_automatic,
     parameters_of,
     solver_of,
+    stable_substeps,
     structure_of,
     symbolic_parts,
 )
@@ -203,9 +205,9 @@ def _violations(group: ScenarioGroup) -> Iterator[Any]:
     simulation = group.experiment.simulation
     yield from delays_beyond_memory(parts.sensors, simulation.sample_time).values()
     if not is_automatic(group.experiment):
-        integrator = solver_of(group.experiment).integrator
-        fastest = fastest_swing(parts.plant, integrator, group.experiment.controller.limits)
-        yield ~(substeps_for(fastest, simulation, integrator) <= simulation.substeps)
+        solver = solver_of(group.experiment)
+        fastest = fastest_swing(parts.plant, solver.integrator, group.experiment.controller.limits)
+        yield ~(substeps_for(fastest, simulation, solver.integrator) <= solver.substeps)
     start_states = starts(structure_of(group.experiment), group.vectors, group.experiment.reference.start)
     yield ~np.isfinite(start_states).all(axis=1)
 
@@ -267,7 +269,9 @@ def check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[st
     """Pass suspect members to `prepare`, whose error names the invalid value."""
     for place in group.members[suspect_members(group)]:
         try:
-            prepare(experiment_of(scenarios[place]))
+            member = experiment_of(scenarios[place])
+            prepare(member)
+            _check_substeps(member, solver_of(group.experiment))
         except ConfigurationError as error:
             raise ConfigurationError(f"{name_of(scenarios[place], place)}: {error}") from error
     for name in scaling:
@@ -310,7 +314,7 @@ def _check_together(
     else:
         place_by_controller = {group.experiment.controller: group.members[0] for group in reversed(groups)}
         suspects = [(place, _violating(controller, columns)) for controller, place in place_by_controller.items()]
-    described = structure.parameters
+    described, solver = structure.parameters, Solver(structure.integrator, structure.substeps)
     for place, suspect_rows in suspects:
         for row in suspect_rows:
             where = f"parameters[{row}]" + (f" in scenarios[{place}]" if len(scenarios) > 1 else "")
@@ -321,7 +325,7 @@ def _check_together(
             changed = with_leaves(experiment_of(scenarios[place]), values)
             try:
                 prepare(changed)
-                _check_substeps(changed, structure)
+                _check_substeps(changed, solver)
             except ConfigurationError as error:
                 raise ConfigurationError(f"{where}: {error}") from error
 
@@ -334,12 +338,16 @@ def _violating(controller: Controller, columns: Mapping[str, Floats]) -> Iterabl
     return np.flatnonzero(violated)
 
 
-def _check_substeps(experiment: Experiment, structure: LoopStructure) -> None:
-    """Check that a row's ropes need no more sub-steps than the structure has."""
+def _check_substeps(experiment: Experiment, solver: Solver) -> None:
+    """Check that an experiment's plant needs no more sub-steps than the compiled loop has."""
     needed = solver_of(experiment).substeps
-    substeps = structure.substeps
-    if needed > substeps:
-        raise ConfigurationError(f"simulation.substeps = {substeps}: must be >= {needed} for ropes as stiff as these")
+    if needed > solver.substeps and not is_automatic(experiment):
+        limits, simulation = experiment.controller.limits, experiment.simulation
+        needed = stable_substeps(experiment.plant, simulation, solver.integrator, limits)
+    if needed > solver.substeps:
+        raise ConfigurationError(
+            f"simulation.substeps = {solver.substeps}: must be >= {needed} for {solver.integrator} (a stiff plant)"
+        )
 
 
 def by_structure(

@@ -68,7 +68,8 @@ def solver_of(experiment: Experiment) -> Solver:
     """Integrator and sub-steps of an experiment.
 
     With Kelvin–Voigt ropes they are the configured ones, except that `DISTRIBUTED` replaces an exponential integrator
-    where ropes have mass or weight, gearboxes are elastic or friction has a state. Ropes of other laws use a general
+    where ropes have mass or weight, gearboxes are elastic or friction has a state, and that the adaptive one has more
+    sub-steps (a power of two) where the plant needs them (`stable_substeps`). Ropes of other laws use a general
     integrator with at least the configured number of sub-steps, or more (a power of two) where tensions up to
     `OVERSHOOT` times tension_max need them: for the accuracy of the stiffest spring on the track with its drum
     (`FINE`), and for the stability of the whole plant (`swing_rates`).
@@ -80,10 +81,12 @@ def solver_of(experiment: Experiment) -> Solver:
     distributed = is_distributed(experiment.plant) or remembers_friction(experiment.plant)
     general = DISTRIBUTED if distributed else GENERAL
     knows_all = INTEGRATORS[simulation.integrator].any_plant
-    if not is_automatic(experiment):
-        return Solver(general if distributed and not knows_all else simulation.integrator, simulation.substeps)
-    integrator = simulation.integrator if knows_all else general
     plant, limits, rates = experiment.plant, experiment.controller.limits, dict[int, float]()
+    if not is_automatic(experiment):
+        integrator = general if distributed and not knows_all else simulation.integrator
+        needed = stable_substeps(plant, simulation, integrator, limits) if simulation.integrator == ADAPTIVE else 1
+        return Solver(integrator, simulation.substeps if needed <= simulation.substeps else power_of_two(needed))
+    integrator = simulation.integrator if knows_all else general
     tensions = tensions_of(limits)
     ropes = {1: (plant.rope_1, plant.winch_1), 2: (plant.rope_2, plant.winch_2)}
     for number, (rope, winch) in ropes.items():
@@ -101,7 +104,16 @@ def solver_of(experiment: Experiment) -> Solver:
         )
     stable = stable_substeps(plant, simulation, integrator, limits)
     needed = max(math.ceil(fastest * simulation.sample_time / FINE), stable)
-    return Solver(integrator, max(simulation.substeps, 1 << (needed - 1).bit_length()))
+    return Solver(integrator, max(simulation.substeps, power_of_two(needed)))
+
+
+ADAPTIVE: IntegratorName = "adaptive"
+"""The integrator whose number of sub-steps is a least one."""
+
+
+def power_of_two(number: int) -> int:
+    """The smallest power of two that is not less than a whole number."""
+    return 1 << (number - 1).bit_length()
 
 
 @lru_cache(maxsize=1024)

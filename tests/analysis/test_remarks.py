@@ -16,7 +16,6 @@ from dualwinch.analysis.remarks import (
     ensemble_remarks,
     loop_remarks,
     remarks,
-    unusual_values,
     without_effect,
 )
 from dualwinch.analysis.resonance import matched_damping
@@ -134,26 +133,6 @@ def test_a_drag_area_beside_the_papers_coefficient_is_said() -> None:
         "Cd A, give drag_coefficient = 1"
     )
     assert len(defaults_left(other, {"plant.vehicle.drag_area", "plant.vehicle.drag_coefficient"})) == 1
-
-
-def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_not() -> None:
-    wrong = {"plant.rope_1.modulus": 80.0, "plant.winch_2.drum_radius": 300.0, "plant.vehicle.mass": 3.0}
-    said = unusual_values(override(SHORT, wrong))
-    assert [words.partition(" ")[0] for words in said] == [
-        "plant.vehicle.mass",
-        "plant.rope_1.modulus",
-        "plant.winch_2.drum_radius",
-    ]
-    assert said[0] == "plant.vehicle.mass = 3 kg is 0.0003 times the default, 10000 kg: check its unit"
-    assert not unusual_values(load_ensemble("site").experiment)
-
-
-def test_units_of_values_whose_default_leaves_their_effect_out_are_checked_by_typical_ones() -> None:
-    wrong = {"plant.rope_1.mass_per_length": 2400.0, "plant.winch_2.gear_stiffness": 300.0}
-    rope, gear = unusual_values(override(SHORT, wrong))
-    typical = "is 1e+03 times a typical value, 2.36 kg/m: check its unit"
-    assert rope == f"plant.rope_1.mass_per_length = 2400 kg/m {typical}"
-    assert gear.startswith("plant.winch_2.gear_stiffness = 300 ")
 
 
 def test_a_drum_that_may_oscillate_is_said_with_the_damping_that_matches_its_rope() -> None:

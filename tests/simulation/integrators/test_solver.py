@@ -193,13 +193,17 @@ def test_stability_limits_do_not_hang_on_the_last_bit(values: Mapping[str, float
 
 @pytest.mark.parametrize("values", STIFF.values(), ids=STIFF)
 def test_stiff_plants_are_refused_or_right(values: Mapping[str, float]) -> None:
-    """One sub-step less than required is refused; that many give the peak tension of very short steps."""
-    experiment = both(case(4), **values)
+    """One sub-step less than required is refused, or increased; that many give the peak tension of very short ones."""
+    adaptive = both(case(4), **values)
+    experiment = override(adaptive, {"simulation.integrator": "verlet"})
     needed = math.ceil(fastest(experiment) * 1e-3 / INTEGRATORS["verlet"].reach)
     with pytest.raises(
         ConfigurationError, match=rf"^simulation\.substeps = {needed - 1}: must be >= {needed} for verl"
     ):
         prepare(override(experiment, {"simulation.substeps": needed - 1}))
+    solver = solver_of(override(adaptive, {"simulation.substeps": needed - 1}))
+    assert needed <= solver.substeps < 2 * needed
+    assert solver_of(override(adaptive, {"simulation.substeps": needed})).substeps == needed
     found, fine = (simulate(override(experiment, {"simulation.substeps": n})) for n in (needed, 256))
     assert found.outcome == fine.outcome == "completed"
     assert found.metrics.peak_tension == pytest.approx(fine.metrics.peak_tension, rel=1e-3)

@@ -445,8 +445,9 @@ def test_wrong_lanes_are_named(arguments: dict, message: str) -> None:
 
 
 def test_values_that_do_not_fit_together_are_named() -> None:
+    coarse = {"simulation.sample_time": 0.05, "simulation.integrator": "exponential"}
     with pytest.raises(ConfigurationError, match=r"simulation\.substeps"):
-        Stepper(dw.override(short(), {"simulation.sample_time": 0.05}), batch=1)
+        Stepper(dw.override(short(), coarse), batch=1)
     with pytest.raises(ConfigurationError, match="lanes: must be one or more"):
         Stepper(short(), batch=2).fork([])
     unrecorded = Stepper(short(), batch=1, record=False)
