@@ -146,7 +146,6 @@ class MarginSurvey:
                 for amplitude in range(len(self._amplitudes))
             ]
         )
-        self._near: dict[tuple[int, int], Floats] = {}
 
     def compile(self) -> None:
         """Compile what a survey calls, so that the first takes no longer.
@@ -225,7 +224,7 @@ class MarginSurvey:
         asked: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), group.tolist(), strict=True):
             asked.setdefault((machine, point), []).append((amplitude, number))
-        self._solve_initial_guesses(asked)
+        open_sample(self._structure, compiled=self._compiled)  # compiled once, before the threads start
         places = [(row, *place) for row in range(len(given)) for place in asked]
         work = partial(self._of_places, given, asked=asked, kinds=of_loops, roughly=roughly)
         parts = _in_chunks(work, places, self._threads)
@@ -268,20 +267,6 @@ class MarginSurvey:
         changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
         return changed
 
-    def _solve_initial_guesses(self, places: Collection[tuple[int, int]]) -> None:
-        """Solve for the operating points with the machines' own gains at some machines and points: initial guesses."""
-        waiting = [place for place in places if place not in self._near]
-        compiling = waiting[: 0 if self._near else 1]  # compile once, before the threads start
-        for chosen in (compiling, waiting[len(compiling) :]):
-            self._near |= zip(chosen, _in_chunks(self._own_states, chosen, self._threads), strict=True)
-
-    def _own_states(self, places: Sequence[tuple[int, int]]) -> list[Floats]:
-        """Steady states of machines with their own gains at some points; NaN without steady motion."""
-        x, v = np.array([self._points[machine][point] for machine, point in places]).T
-        parameters = self._parameters[[machine for machine, _ in places]]
-        found = loop_operating_points(self._structure, parameters, x, v, compiled=self._compiled)
-        return list(np.where(found.steady[:, None], found.state, np.nan))
-
     def _of_places(
         self,
         values: Floats,
@@ -300,7 +285,6 @@ class MarginSurvey:
         rows, machines, _ = np.array(places).T
         parameters = self._parameters_with(values[rows], machines)
         x, v = np.array([self._points[machine][point] for _, machine, point in places]).T
-        near = np.array([self._near[machine, point] for _, machine, point in places])
         loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]
         place, amplitude, number = np.array(loops).T
         group, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)
@@ -311,9 +295,7 @@ class MarginSurvey:
             at = place[mine] if index else mine
             steep = self._with_describing_slope(size, parameters[at])
             begun = None if first is None else first[at]
-            found = loop_operating_points(
-                self._structure, steep, x[at], v[at], near[at], begun=begun, compiled=self._compiled
-            )
+            found = loop_operating_points(self._structure, steep, x[at], v[at], begun=begun, compiled=self._compiled)
             if first is None:
                 first, mine = found, np.flatnonzero(amplitude == index)
                 found = found[place[mine]]

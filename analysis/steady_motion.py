@@ -140,15 +140,13 @@ def loop_operating_points(
     parameters: Floats,
     x: Floats,
     v: Floats,
-    near: Floats | None = None,
     *,
     compiled: bool = True,
     begun: LoopOperatingPoints | None = None,
 ) -> LoopOperatingPoints:
     """Solve for steady motion at many points.
 
-    1. Newton's method from the state of a perfect controller: no errors, tensions as commanded; with law and estimator
-       as in `near`.
+    1. Newton's method from the state of a perfect controller: no errors, tensions as commanded.
     2. Where that fails: numerical continuation in the position, from mid-track, where both ropes are long and soft
        (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
     3. Where that fails too, and at mid-track: damped least-squares steps, first from the solution of law and estimator
@@ -161,7 +159,6 @@ def loop_operating_points(
         parameters: (s, parameters) of the closed loop, with perfect sensors and without disturbances.
         x: (s,) positions in m.
         v: (s,) speeds in m/s.
-        near: (s, states) at these points with other gains, the initial guess for law and estimator; NaN: unknown.
         compiled: whether the sample is compiled; for a few points interpretation is quicker.
         begun: the same points with slightly different parameters: initial guesses where these repeat.
 
@@ -171,17 +168,16 @@ def loop_operating_points(
     sample = open_sample(structure, compiled)
     accepting = _with_values(sample, parameters, UNGATED)
     if begun is None:
-        start = _first_guesses(structure, sample, accepting, x, v, near)
+        start = _first_guesses(structure, sample, accepting, x, v)
     else:
         start, cold = replace(begun, parameters=accepting), np.flatnonzero(~begun.repeats)
         if len(cold):
-            guess = None if near is None else near[cold]
-            start[cold] = _first_guesses(structure, sample, accepting[cold], x[cold], v[cold], guess)
+            start[cold] = _first_guesses(structure, sample, accepting[cold], x[cold], v[cold])
     solution = _newton(sample, start, ITERATIONS)
     away = np.flatnonzero(~solution.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
     if len(away):
-        guess, mid_track = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
-        middle = _first_guesses(structure, sample, accepting[away], mid_track, v[away], guess)
+        mid_track = _lengths(sample, parameters[away]) / 2
+        middle = _first_guesses(structure, sample, accepting[away], mid_track, v[away])
         middle = _completed_by_least_squares(sample, middle, _newton(sample, middle, ITERATIONS))
         away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
         if len(away):
@@ -426,7 +422,7 @@ def _informing_function(structure: LoopStructure) -> ca.Function:
 
 
 def _first_guesses(
-    structure: LoopStructure, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
+    structure: LoopStructure, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats
 ) -> LoopOperatingPoints:
     """Initial guess, the perfect controller: no errors, tensions as commanded."""
     loop, count, n = sample.loop, len(x), len(sample.kept)
@@ -438,8 +434,6 @@ def _first_guesses(
     state = start_function(structure)(parameters.T, calm[np.newaxis]).full().T
     state[:, sample.plant] = point[:-4].T
     state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
-    if near is not None:
-        state = np.where(sample.adapting & np.isfinite(near), near, state)
     outside = np.zeros((count, len(loop.exogenous)))
     outside[:, sample.reference], outside[:, loop.exogenous.index("reference.v")] = x, v
     *_, tau_1, tau_2, F1, F2 = point
