@@ -47,7 +47,7 @@ class FreshSet:
     def __init__(self, problem: TuningProblem, draws: int, machines: int) -> None:
         self.draws = problem.drawn_ensemble.chosen(range(draws), FRESH_SEED)
         self.within = with_authority(force_demands(self.draws), problem.options.authority)
-        self.machines = self.draws[:machines]
+        self.machines = machines
         experiment = problem.paper_experiment
         runs = run_pairs([], [[]], controlled_as(experiment, self.draws))
         self.paper = runs.metrics["mse"][0]
@@ -62,7 +62,7 @@ class FreshSet:
         violations = int((worst_of(runs, tuned.training.constraints) > 0).sum())
         mean = float(np.nanmean(self.paper[self.within]) / np.nanmean(ours[self.within]))
         median = float(np.nanmedian(self.paper) / np.nanmedian(ours))
-        survey = MarginSurvey(self.machines, problem.space.keys, amplitudes=problem.margin_amplitudes)
+        survey = MarginSurvey(draws[: self.machines], problem.space.keys, amplitudes=problem.margin_amplitudes)
         (margins,) = survey.each([problem.space.parameters(best.point)], [each.margin for each in problem.margins])
         below = sum(
             any(
@@ -81,7 +81,7 @@ class FreshSet:
             times(median),
             f"{violations} of {len(draws)}",
             stated,
-            f"{below} of {len(self.machines)}",
+            f"{below} of {self.machines}",
             str(tuned.cost.rollouts),
         ], median
 
@@ -113,8 +113,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--ensemble", default="rig", metavar="NAME")
     parser.add_argument("--methods", nargs="+", default=["cmaes"], metavar="NAME")
-    parser.add_argument("--seeds", nargs="+", type=int, default=[2, 3], metavar="N")
-    parser.add_argument("--rollouts", type=int, default=6000, metavar="N")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[*range(6)], metavar="N")
+    parser.add_argument("--rollouts", type=int, default=12000, metavar="N")
     parser.add_argument("--draws", type=int, default=1500, metavar="N", help="fresh draws that score (1500)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
     chosen = parser.parse_args()

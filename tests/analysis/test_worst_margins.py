@@ -22,6 +22,7 @@ from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
+from dualwinch.tuning.scoring.starts import with_designed_start
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.tiers import all_but, mostly_slow
 
@@ -191,6 +192,19 @@ def test_all_machines_of_the_sea_have_steady_motion_at_the_ends_of_the_track(mon
     at(monkeypatch, [(2.5, 1.8), (47.5, -1.8)])
     for of_machine in MarginSurvey(machines, amplitudes=[0.002]).each([[]], ["disk"])[0]:
         assert (of_machine["disk"].reason, of_machine["disk"].value > 0.4) == ("", True)
+
+
+@pytest.mark.slow
+def test_margins_of_gains_do_not_depend_on_those_that_the_machine_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gains about the start, as a search draws them: steady motion is found without that of the machine's own gains."""
+    problem = with_designed_start(tuning_problem(ensemble="rig")).beginnings[-1]
+    at(monkeypatch, [(2.5, 1.8)])
+    machine = problem.drawn_ensemble.chosen([2], 5)
+    start, random = problem.space.encoded(problem.start), np.random.default_rng(1)
+    points = [problem.space.decoded((start + 0.1 * random.standard_normal(len(start))).clip(0, 1)) for _ in range(12)]
+    survey = MarginSurvey(machine, problem.space.keys, amplitudes=[0.01])
+    margins_of = survey.worst([problem.space.parameters(point) for point in points], ["disk"])
+    assert not any(worst["disk"].reason == UNSTEADY for worst in margins_of)
 
 
 def of_the_site() -> list[Scenario]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,17 @@ def point_key(candidate: Candidate) -> PointKey:
     return tuple(sorted(candidate.point.items()))
 
 
+def halving_rounds(candidates: int, scenarios: int) -> list[tuple[int, int]]:
+    """Successive halving: candidates of each round, and scenarios in which they have been run after it.
+
+    Example:
+        >>> halving_rounds(16, 18)
+        [(16, 2), (8, 4), (4, 9), (2, 18)]
+    """
+    halvings = max(0, int(math.log2(max(candidates, 1))) - 1)
+    return [(candidates >> number, max(1, scenarios >> (halvings - number))) for number in range(halvings + 1)]
+
+
 class Evaluator(Scorer):
     """Evaluates the candidates of a search batch by batch (steps 1 to 3 of `tuning.scoring.selection`).
 
@@ -112,14 +123,22 @@ class Evaluator(Scorer):
         """
         exempt = [entry for entry in entries if entry.candidate.origin in EXEMPT]
         racing, numbers = list(entries), self._alternating()
-        halvings = max(0, int(math.log2(max(len(entries), 1))) - 1)
-        for halving in range(halvings, 0, -1):
-            self._run(racing, numbers[: max(1, len(numbers) >> halving)])
+        for (_, scenarios), (places, _) in pairwise(halving_rounds(len(entries), len(numbers))):
+            self._run(racing, numbers[:scenarios])
             order = penalised_first([entry.evaluation for entry in racing], self.problem.options.penalty)
-            racing = [racing[index] for index in order if racing[index].complete][
-                : len(entries) >> (halvings + 1 - halving)
-            ]
+            racing = [racing[index] for index in order if racing[index].complete][:places]
         self._examine([*racing, *(entry for entry in exempt if entry not in racing)])
+
+    def rollouts_of(self, candidates: int) -> int:
+        """Largest number of rollouts of a batch and of the check that may follow; 0 for no candidates."""
+        options, scenarios = self.problem.options, len(self.cutting.scenarios)
+        if not candidates:
+            return 0
+        if len(self.problem.objectives) > 1:
+            return candidates * scenarios
+        rounds = [(0, 0), *halving_rounds(candidates, scenarios)]
+        batch = sum(racing * (after - before) for (_, before), (racing, after) in pairwise(rounds))
+        return batch + (options.chunk if self.problem.ensemble else 0)
 
     def _alternating(self) -> list[int]:
         """Numbers of draws and cuts in turn, the cuts with the least slack at the last leader first."""

@@ -150,8 +150,8 @@ class Certification:
         return self._allowed(budget, self.options.generation)
 
     def _allowed(self, budget: SelectionBudget, trials: int = 0) -> bool:
-        """Whether a budget allows a certificate without a violation, after a number of trials more."""
-        rollouts = self._next.draws_of_stage(0) + trials * self.options.draws
+        """Whether a budget allows a certificate without a violation, after a batch of so many trials more."""
+        rollouts = self._next.draws_of_stage(0) + self._evaluator.rollouts_of(trials)
         return budget.allows(self._evaluator.meter, rollouts, self.options.machines)
 
     def run(self, budget: SelectionBudget, search_on: Callable[[], None] = nothing) -> Examination | None:

@@ -16,8 +16,6 @@ from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.toolboxes.race.race import CHECKPOINTS, EntryTask, run_race
 from dualwinch.toolboxes.race.result import RaceResult
 from dualwinch.toolboxes.race.scores import COSTS
-from dualwinch.tuning.scoring.budget import LEAST_SEARCH
-from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.progress import CERTIFYING, SCORING
 from tests.killed import killed_after, written
 from tests.simulation.batch.test_workers import Remote
@@ -142,11 +140,8 @@ def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(finished
         for metric in ("mse", "chatter", "continuous_load"):
             assert runs.metrics[metric] == pytest.approx(theirs.contenders[name].metrics[metric], rel=1e-9)
     assert found.ranking[0].entry.law in controllers
-    # a search leaves what a generation and another certificate may take, but never more than half of its budget
-    options = problem.options
-    certificate = SampleCertificate(options.violation, options.confidence, 2).draws_of_stage(0)
-    reserve = min(options.generation * options.draws + certificate, (1 - LEAST_SEARCH) * terms.rollouts)
-    assert {scored.search.rollouts >= terms.rollouts - reserve for scored in found.entries} == {True}
+    # 100 rollouts: what a search leaves is too little for another halved generation, 30, and its certificate
+    assert {scored.search.rollouts >= 80 for scored in found.entries} == {True}
 
 
 def test_fronts_are_gains_in_the_test_set(finished: Finished) -> None:
