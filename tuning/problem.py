@@ -31,6 +31,9 @@ STEADY_PREFIX = "steady_"
 AMPLITUDES = (0.01, 0.1)
 """Amplitudes of the speed error in m/s of margins, besides the sensor's noise; the first alone where drums swing."""
 
+AS_DESCRIBED, DESIGNED = "as it was before tuning", "designed for this machine"
+"""Controllers that a search starts from, in words (`TuningProblem.start_words`)."""
+
 REPORTED = (
     "mean.mse",
     "mean.chatter",
@@ -61,6 +64,8 @@ class TuningProblem:
             (`tuning.scoring.starts`).
         kept: keys whose values a design of the start keeps (`analysis.design`); the designed controller is one more
             start then. ``None``: no design.
+        design: the one of `starts` that is designed for the machine; ``None``: none is.
+        start_words: which controller the search starts from, in words.
     """
 
     experiment: Experiment
@@ -74,6 +79,8 @@ class TuningProblem:
     choices: tuple[str, ...] = field(default=(), compare=False)
     starts: tuple[Controller, ...] = ()
     kept: tuple[str, ...] | None = field(default=None, compare=False)
+    design: Controller | None = field(default=None, compare=False)
+    start_words: str = field(default=AS_DESCRIBED, compare=False)
 
     def stream(self, name: str) -> int:
         """The seed of a named random stream: `TRAINING` to `SEARCH`, possibly with a number."""
@@ -129,13 +136,15 @@ class TuningProblem:
     def beginnings(self) -> tuple["TuningProblem", ...]:
         """The problem with each of its starts, the experiment's own first; gains are moved into the space."""
         problems = []
-        for controller in self.starts:
+        for number, controller in enumerate(self.starts, 1):
             experiment = replace(self.experiment, controller=controller)
             point = self.space.nearest(self.space.start(leaves(experiment)))
             experiment = with_leaves(experiment, self.space.settings(point))
             ensemble = self.ensemble and replace(self.ensemble, experiment=experiment)
-            problems.append(replace(self, experiment=experiment, ensemble=ensemble, starts=(), kept=None))
-        return replace(self, starts=(), kept=None), *problems
+            words = DESIGNED if controller is self.design else f"number {number} of starts"
+            problem = replace(self, experiment=experiment, ensemble=ensemble, start_words=words)
+            problems.append(replace(problem, starts=(), kept=None, design=None))
+        return replace(self, starts=(), kept=None, design=None), *problems
 
     @property
     def start(self) -> Point:

@@ -237,12 +237,12 @@ def where(tuned: TuningResult) -> str:
 
 
 def headline(tuned: TuningResult) -> str:
-    """The number of the best trial, or why the start is kept; and where it was scored."""
+    """The number of the best trial, or why the start is kept; where it was scored, and on which conditions it holds."""
     best, trials = tuned.verdict.best, len(tuned.trials)
-    count = f"{trials} trial{'s' * (trials != 1)}"
+    scored = f"scored {where(tuned)}; {assumptions(tuned.problem.ensemble)}"
     if tuned.verdict.improved:
-        return f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
-    return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
+        return f"trial {best.number} of {trials} is the best; {scored}"
+    return f"the start is kept: {tuned.verdict.obstacle} ({trials} trial{'s' * (trials != 1)}); {scored}"
 
 
 def instability(tuned: TuningResult) -> str:
@@ -254,7 +254,7 @@ def instability(tuned: TuningResult) -> str:
 
 
 def worth(tuned: TuningResult) -> str:
-    """In short sentences: the gain over the paper and the start, what is certified, and what was not examined."""
+    """In two short sentences what was gained, and what is certified or was not examined; then what is violated."""
     return " ".join(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in _worth(tuned) if sentence)
 
 
@@ -270,11 +270,9 @@ def _worth(tuned: TuningResult) -> Iterator[str]:
         for constraint in verdict.constraints
         if scored.violations[constraint.label] > 0
     ]
+    yield "; ".join(filter(None, (verdict.certificate.words, unexamined(tuned)))) if verdict.certificate else ""
     yield f"It violates {', '.join(violated)}" if violated else ""
-    yield verdict.certificate.words if verdict.certificate else ""
-    yield unexamined(tuned)
     yield instability(tuned)
-    yield assumptions(tuned.problem.ensemble)
 
 
 def unexamined(tuned: TuningResult) -> str:
@@ -282,11 +280,8 @@ def unexamined(tuned: TuningResult) -> str:
     verdict = tuned.verdict
     if not verdict.certificate or verdict.certificate.satisfied or not verdict.unexamined:
         return ""
-    budget = "--time" if tuned.seconds else "--rollouts"
-    return (
-        f"{verdict.examined} candidate{'s' * (verdict.examined != 1)} examined; {verdict.unexamined} more rank before "
-        f"the start in training and were not, for lack of rollouts or time ({budget})"
-    )
+    budget = "time" if tuned.seconds else "rollouts"
+    return f"for lack of {budget}, {verdict.unexamined} candidates that rank before the start were not examined"
 
 
 def tested(tuned: TuningResult) -> str:
@@ -313,7 +308,7 @@ def contenders(tuned: TuningResult) -> list[str]:
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
     own = adapted(tuned.problem.paper_experiment.controller)
     words = [f"paper: {paper} with the paper's gains{own and f', and the {own} of the start'}"]
-    return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
+    return words if tuned.verdict.start_is_papers else [f"start: {start} {tuned.problem.start_words}", *words]
 
 
 def margin_places(tuned: TuningResult) -> list[str]:

@@ -1,5 +1,7 @@
 """Tune in one call: prepare, search, select and score."""
 
+from dataclasses import replace
+
 from dualwinch.codegen.cache import build_seconds
 from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
@@ -20,7 +22,7 @@ from dualwinch.tuning.scoring.budget import (
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SCORING, SEARCHING, TuningProgress
 from dualwinch.tuning.scoring.selection import Certification, select
-from dualwinch.tuning.scoring.starts import prepare_best_start
+from dualwinch.tuning.scoring.starts import prepare_best_start, with_designed_start
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
 from dualwinch.tuning.study import Search, SearchBudget, first_candidates
@@ -59,9 +61,10 @@ def tune(
         problem: from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
         trials: number of trials; default: from `trials_of` without `seconds` and `rollouts`, else no limit.
-        seconds: wall time of the search in s. Preparation and compilation come before; certificate and scores take up
-            to 0.3 times that plus 10 s more, and where that is too little, the search is shorter. The first trials, the
-            paper's gains and the start, are always finished.
+        seconds: wall time of the search in s, the design of a start included (of which it keeps at least half).
+            Preparation and compilation come before; certificate and scores take up to 0.3 times that plus 10 s more,
+            and where that is too little, the search is shorter. The first trials, the paper's gains and the start, are
+            always finished.
         rollouts: number of rollouts of search, checks and certificates, of which the search leaves enough for another
             certificate; where none of the candidates is certified, an eighth more. A first candidate is always examined
             whole.
@@ -97,6 +100,9 @@ def tune(
     check_method(method, len(problem.objectives))
     quiet()
     began, built = clock.now(), build_seconds()
+    clock_began = clock.without_compiling()
+    problem = with_designed_start(problem, watch)
+    designing = clock.without_compiling() - clock_began
     training = prepare_best_start(problem, workers, watch)
     problem = training.problem
     store = store or MemoryStorage()
@@ -104,12 +110,12 @@ def tune(
     evaluator.find_active_loops()
     proposer = optimiser(method, training, problem.stream(store.stream))
     watch.compiled(build_seconds() - built)
-    begun = _begin(store, evaluator, trials)
-    prepared = clock.now()
+    scored = _begin(store, evaluator, trials)
+    prepared, interrupted = clock.now(), False
     certification = None if problem.ensemble is None else Certification(evaluator, watch)
     searching = Search(method, proposer, store, evaluator, watch)
-    more = trials if trials is None or store.continued else trials - begun
-    limits, last = _limits(evaluator, more, seconds, rollouts, reserved_seconds)
+    budget = SearchBudget(trials and trials - scored * (not store.continued), seconds=seconds, rollouts=rollouts)
+    limits, last = _limits(evaluator, budget, designing, reserved_seconds)
     watch.phase(SEARCHING)
     if limits.until is not None and last is not None:
         now = clock.without_compiling()
@@ -122,7 +128,6 @@ def tune(
         keeps = certification.examine_leader(SelectionBudget(last, rollouts))
         return keeps or limits.remaining(searching.rollouts) > 1 - LEAST_SEARCH
 
-    interrupted = False
     try:
         searching.run(limits, goes_on)
     except KeyboardInterrupt:
@@ -188,11 +193,15 @@ def _certify(
 
 
 def _limits(
-    evaluator: Evaluator, trials: int | None, seconds: float | None, rollouts: int | None, reserved: float
+    evaluator: Evaluator, budget: SearchBudget, designing: float, reserved: float
 ) -> tuple[SearchBudget, float | None]:
-    """Budget of a search, and the time by `clock.without_compiling` at which certificates end."""
-    if seconds is None:
-        return SearchBudget(trials, None, None, rollouts), None
+    """A search's budget with its end, and the time by `clock.without_compiling` at which certificates end.
+
+    The design of a start counts as search, but leaves it at least the share `LEAST_SEARCH` of its time.
+    """
+    if budget.seconds is None:
+        return budget, None
+    searching = max(budget.seconds - designing, LEAST_SEARCH * budget.seconds)
     now, test = clock.without_compiling(), seconds_of_test(evaluator.problem.options, evaluator.meter)
-    last = now + (1 + TIME_SHARE) * seconds + TIME_MORE - reserved - test
-    return SearchBudget(trials, now + seconds, seconds, rollouts), last
+    last = now + searching + TIME_SHARE * budget.seconds + TIME_MORE - reserved - test
+    return replace(budget, until=now + searching, seconds=searching), last

@@ -48,7 +48,7 @@ from dualwinch.tuning.constraints import (
     objectives_from,
 )
 from dualwinch.tuning.options import TuningOptions
-from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.problem import AS_DESCRIBED, DESIGNED, TuningProblem
 from dualwinch.tuning.space import entry_from, space_of, space_to_record
 from dualwinch.tuning.storage.parts import part_records
 
@@ -122,6 +122,7 @@ def tuning_problem(
     base, chosen = experiment or experiment_from(case, config, None, []), list[str]()
     named = None if experiment else {*values, *named_keys(config), *named_keys(ensemble)}
     drawn = machines = _ensemble(ensemble, base, experiment is case is config is None)
+    start = AS_DESCRIBED
     if drawn is None:
         base = override(base, values)
         for name, given in (("scenarios", scenarios), ("violation", violation), ("confidence", confidence)):
@@ -130,7 +131,7 @@ def tuning_problem(
         machines = Ensemble("this machine", "", base, {}) if swings(base.plant) else None
     if machines is not None:
         if named is not None:
-            machines, chosen = _with_defaults(machines, values, named)
+            machines, chosen, start = _with_defaults(machines, values, named)
         else:
             machines = reset(machines, values)
             if keys := undamped(machines.experiment):
@@ -168,6 +169,7 @@ def tuning_problem(
         choices=tuple(chosen),
         starts=tuple(starts),
         kept=tuple(sorted(named.difference(gains.keys))) if designable and named is not None else None,
+        start_words=start,
     )
     problem.check()
     return problem
@@ -193,8 +195,14 @@ def _ensemble(ensemble: str | Path | Ensemble | None, base: Experiment, alone: b
     return ensemble if alone else ensemble.controlled_as(base)
 
 
-def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collection[str]) -> tuple[Ensemble, list[str]]:
-    """An ensemble with some values set, and default parts and gains where none is named, with the reasons in words."""
+def _with_defaults(
+    ensemble: Ensemble, values: Mapping[str, Any], named: Collection[str]
+) -> tuple[Ensemble, list[str], str]:
+    """An ensemble with some values set, and default parts and gains where none is named.
+
+    Returns:
+        The ensemble, the reasons, and which controller it has (`TuningProblem.start_words`), in words.
+    """
     chosen, parts = list[str](), dict[str, str]()
     where = f"in '{ensemble.name}'" if ensemble.distributions else f"on {ensemble.name}"
     if ESTIMATOR not in named:
@@ -214,16 +222,17 @@ def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collect
     started = {key: value for key, value in gains.items() if key not in named}
     if (noise := started.get(POSITION_NOISE)) is not None and noise != leaves(ensemble.experiment)[POSITION_NOISE]:
         chosen.append(f"{POSITION_NOISE} = {noise:g}: noise and rounding of the described position sensor")
-    ensemble = reset(ensemble, started)
+    ensemble, words = reset(ensemble, started), AS_DESCRIBED
     if swings(ensemble.experiment.plant):
         experiment = formula_design(ensemble.experiment, kept=named)
+        words = AS_DESCRIBED if experiment == ensemble.experiment else DESIGNED
         ensemble, designed = replace(ensemble, experiment=experiment), leaves(experiment)
         damped = ", ".join(f"{key} = {designed[key]:.3g}" for key in DAMPING if key in designed and key not in named)
         limit, *_ = limits_of(experiment)
         chosen.append(
             f"gains that no file names are designed for this machine ({damped}), for a bandwidth of {limit}: {SWINGING}"
         )
-    return ensemble, chosen
+    return ensemble, chosen, words
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def _summary(tuned: TuningResult) -> str:
     feasible = sum(trial.feasible for trial in tuned.trials)
     verb = "satisfies" if tuned.verdict.scored.feasible else "does not satisfy"
     return (
-        f"{worth(tuned)} {sentence(headline(tuned))} It {verb} every constraint there. "
+        f"{worth(tuned)} {sentence(headline(tuned))} It {verb} every constraint {where(tuned)}. "
         f"Of {len(tuned.trials)} trials, {feasible} satisfied them in all tuning scenarios."
     )
 

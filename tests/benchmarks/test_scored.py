@@ -1,12 +1,7 @@
-"""Tables and figures of searches, from made-up scores."""
-
-import numpy as np
+"""Tables of searches, from made-up scores."""
 
 from benchmarks.document import times
-from benchmarks.left_out import COMPENSATION, LEFT_OUT, RAMP
 from benchmarks.scored import Point, Score
-from benchmarks.traded import front
-from dualwinch.model.quantities.tree import leaves
 
 SCORE = Score(
     paper=Point(
@@ -39,21 +34,3 @@ def test_the_table_gives_ratios_to_the_papers_gains() -> None:
     assert head.startswith("| allowed | chatter over the paper's |")
     assert first == "| 0.1 | 0.10 | 50 × | 250 × | 100 × | 100 × | 5900 | 250 | 0 of 9 |"
     assert second == "| 0.25 | 0.25 | 100 × | 250 × | 500 × | 500 × | 5901 | 240 | 1 of 9 |"
-
-
-def test_the_front_shows_both_means_the_paper_and_the_bounds() -> None:
-    axes = front(SCORE).axes[0]
-    drawn = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
-    assert drawn["within authority"].tolist() == [[6.0, 5e-10], [15.0, 1e-10]]
-    assert drawn["all scenarios"].tolist() == [[6.0, 2e-9], [15.0, 1e-9]]
-    assert set(drawn["all: no controller has less"][:, 1]) == {4e-10}
-    assert set(drawn["paper's chatter / 4"][:, 0]) == {15.0}
-
-
-def test_what_is_left_out_is_zero_and_not_searched() -> None:
-    both = LEFT_OUT["both"]()
-    assert not {RAMP, COMPENSATION} & set(both.space.names)
-    values = leaves(both.experiment)
-    assert values[RAMP] == values[COMPENSATION] == 0
-    assert LEFT_OUT["the ropes' calibration"]().experiment.controller.estimator.kind == "kalman"
-    assert {RAMP, COMPENSATION} <= set(LEFT_OUT["nothing"]().space.names)

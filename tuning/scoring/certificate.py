@@ -108,35 +108,26 @@ class SampleCertificate:
 
     @property
     def words(self) -> str:
-        """What is certified, with its evidence, in a sentence or two."""
-        if not self.draws:
-            runs = f"Not certified: examined on {_count(self.machines, 'fresh machine')} alone"
-        else:
-            count = f"{self.violations or 'no'} violation{'s' * (self.violations != 1)} in {self.draws} fresh draws"
-            evidence = f"{100 * self.confidence:g} % confidence: {count}"
-            bound = max(self.violation, self.supported)
-            verb = "Certified" if self.satisfied else "Not certified"
-            runs = (
-                f"{verb}: bounds on runs are satisfied with probability ≥ {_share(1 - bound)} ({evidence}{self._asked})"
-            )
-        return ". ".join(filter(None, (runs, self._machine_words, self._mean_words)))
+        """What is certified, with its evidence, in a sentence."""
+        parts = [self._draw_words, self._machine_words, *(f"{mean} is violated in the mean" for mean in self.means)]
+        with_confidence = f" with {100 * self.confidence:g} % confidence" if self.draws else ""
+        verb = f"Certified{with_confidence}" if self.satisfied else f"Not certified{with_confidence}"
+        return f"{verb}: {'; '.join(filter(None, parts))}"
 
     @property
-    def _asked(self) -> str:
-        return "" if self.supported <= self.violation else f"; asked for: {_share(1 - self.violation)}"
+    def _draw_words(self) -> str:
+        if not self.draws:
+            return "no draws examined"
+        wanted = "" if self.supported <= self.violation else f", asked for: {_share(1 - self.violation)}"
+        kept = _share(1 - max(self.violation, self.supported))
+        return f"bounds hold in ≥ {kept} of draws ({self.violations} of {self.draws} fresh ones violate one{wanted})"
 
     @property
     def _machine_words(self) -> str:
         if not self.machines:
             return ""
-        if self.machines_below:
-            return f"A stability margin is below its bound on {self.machines_below} of {self.machines} fresh machines"
-        share = f"on ≥ {_share(1 - self.machine_share)} of all"
-        return f"Stability margins are kept on all of {_count(self.machines, 'fresh machine')} ({share})"
-
-    @property
-    def _mean_words(self) -> str:
-        return f"In these draws, {' and '.join(self.means)} is violated" if self.means else ""
+        below = f"{self.machines_below} of {self.machines} fresh ones below"
+        return f"margins hold on ≥ {_share(1 - self.machine_share)} of machines ({below})"
 
     def to_dict(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
@@ -157,10 +148,6 @@ class SampleCertificate:
             "supported_probability": 1 - self.supported,
             "satisfied": self.satisfied,
         }
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _share(probability: float) -> str:

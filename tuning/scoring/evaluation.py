@@ -123,6 +123,7 @@ class Evaluator(Scorer):
         """
         exempt = [entry for entry in entries if entry.candidate.origin in EXEMPT]
         racing, numbers = list(entries), self._alternating()
+        self._survey(racing)
         for (_, scenarios), (places, _) in pairwise(halving_rounds(len(entries), len(numbers))):
             self._run(racing, numbers[:scenarios])
             order = penalised_first([entry.evaluation for entry in racing], self.problem.options.penalty)
@@ -147,9 +148,9 @@ class Evaluator(Scorer):
         return [number for pair in both for number in pair if number is not None]
 
     def _examine(self, entries: Sequence[ArchiveEntry]) -> None:
-        """Run candidates in all draws and cuts, and compute their margins."""
+        """Run candidates in all draws and cuts, and compute their margins unless these are known."""
         self._run(entries, list(self.cutting.scenarios))
-        self._survey([entry for entry in entries if entry.complete])
+        self._survey([entry for entry in entries if entry.complete and entry.version < self.cutting.version])
         self.refresh(entries)
 
     def _survey(self, entries: Sequence[ArchiveEntry]) -> None:

@@ -10,13 +10,14 @@ from dualwinch.simulation.progress import PhaseProgress, Progress, no_progress
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 
+DESIGNING = "designing a start for the machine"
 DRAWING = "drawing scenarios"
 REFERENCES = "compiling, up to a minute the first time; scoring the paper's gains and the start"
 SEARCHING = "searching"
 CERTIFYING = "certifying candidates in fresh draws"
 SCORING = "scoring the best, the start and the paper's gains"
 PHASES = (DRAWING, REFERENCES, SEARCHING, CERTIFYING, SCORING)
-"""Phases of `tuning.tune.tune`, in this order."""
+"""Phases of `tuning.tune.tune`, in this order; before them `DESIGNING`, where a start is designed."""
 
 
 @dataclass

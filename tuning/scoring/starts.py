@@ -6,8 +6,8 @@ from dualwinch.analysis.design import designed
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.problem import DESIGN, TuningProblem
-from dualwinch.tuning.scoring.progress import NO_PROGRESS, TuningProgress
+from dualwinch.tuning.problem import DESIGN, DESIGNED, TuningProblem
+from dualwinch.tuning.scoring.progress import DESIGNING, NO_PROGRESS, TuningProgress
 from dualwinch.tuning.scoring.ranking import penalised_first
 from dualwinch.tuning.scoring.scorer import Scorer
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
@@ -16,11 +16,7 @@ from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 def prepare_best_start(
     problem: TuningProblem, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
 ) -> TrainingSet:
-    """`prepare` for the best of a problem's starts, by the exact penalty function; all are run in the same draws.
-
-    One of them is the controller that is designed for the machine (`analysis.design`), unless the problem has none.
-    """
-    problem = with_designed_start(problem)
+    """`prepare` for the best of a problem's starts, by the exact penalty function; all are run in the same draws."""
     beginning, *others = problem.beginnings
     prepared = [prepare(beginning, workers, watch), *(prepare(each, workers) for each in others)]
     if len(prepared) == 1:
@@ -29,16 +25,18 @@ def prepare_best_start(
     return prepared[penalised_first(evaluations, problem.options.penalty)[0]]
 
 
-def with_designed_start(problem: TuningProblem) -> TuningProblem:
-    """The problem with the designed controller as a further start, unless that is its own."""
+def with_designed_start(problem: TuningProblem, watch: TuningProgress = NO_PROGRESS) -> TuningProblem:
+    """The problem with the controller designed for the machine (`analysis.design`) as a start, unless it has none."""
     if problem.kept is None:
         return problem
+    watch.phase(DESIGNING)
     machine = problem.experiment if problem.ensemble is None else problem.drawn_ensemble
     # a light drum keeps its controller without damping: another structure would be compiled for the start alone
     kept = {*problem.kept, *_zeros(problem.experiment)}
     controller = designed(machine, kept=kept, seed=problem.stream(DESIGN), compiled=True).controller
-    starts = () if controller == problem.experiment.controller else (controller,)
-    return replace(problem, starts=(*problem.starts, *starts), kept=None)
+    if controller == problem.experiment.controller:
+        return replace(problem, kept=None, start_words=DESIGNED)
+    return replace(problem, starts=(*problem.starts, controller), kept=None, design=controller)
 
 
 def _zeros(experiment: Experiment) -> set[str]:

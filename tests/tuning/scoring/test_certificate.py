@@ -90,11 +90,11 @@ def test_words_say_what_is_supported_and_by_what() -> None:
     draws = DEFAULT.draws_of_stage(0)
     passed = replace(DEFAULT, draws=draws, machines=59)
     assert passed.words == (
-        f"Certified: bounds on runs are satisfied with probability ≥ 99.5 % (95 % confidence: no violations in {draws} "
-        "fresh draws). Stability margins are kept on all of 59 fresh machines (on ≥ 94.25 % of all)"
+        f"Certified with 95 % confidence: bounds hold in ≥ 99.5 % of draws (0 of {draws} fresh ones violate one); "
+        "margins hold on ≥ 94.25 % of machines (0 of 59 fresh ones below)"
     )
     failed = replace(DEFAULT, draws=64, violations=2, machines=6, machines_below=1)
-    assert failed.words.startswith("Not certified: ")
-    assert "2 violations in 64 fresh draws; asked for: 99.5 %" in failed.words
-    assert "below its bound on 1 of 6 fresh machines" in failed.words
-    assert "examined on 6 fresh machines alone" in replace(failed, draws=0, violations=0).words
+    assert failed.words.startswith("Not certified with 95 % confidence: ")
+    assert "(2 of 64 fresh ones violate one, asked for: 99.5 %)" in failed.words
+    assert "(1 of 6 fresh ones below)" in failed.words
+    assert "Not certified: no draws examined" in replace(failed, draws=0, violations=0).words
