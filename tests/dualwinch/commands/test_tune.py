@@ -24,7 +24,7 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.scoring.progress import PHASES, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import DESIGNING, PHASES, SearchStatus, TuningProgress
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.spring_law import SPRING
 from tests.tuning.test_tune import Stubborn
@@ -65,6 +65,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
         words for words in said_of_it if not re.search(" trials|^compiled in| %|^certifying: ", words)
     ] == [  # a slow machine says more
         "reading the problem",
+        DESIGNING,
         *PHASES,
         "writing best.toml, study.json and report.html",
     ]
