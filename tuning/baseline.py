@@ -87,7 +87,7 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
     of the position sensor, with its rounding, to one digit, and prior deviations of the parameters that the
     self-calibrating filter learns. The gains of law, filter and winches are designed (`analysis.design`).
     """
-    experiment, known = ensemble.experiment, leaves(ensemble.experiment)
+    experiment, values = ensemble.experiment, leaves(ensemble.experiment)
     plant, gains = experiment.plant, dict[str, float]()
     if swings(plant):
         gains["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
@@ -102,7 +102,7 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
         gains[POSITION_NOISE] = float(f"{noise:.1g}")
     if _uncertain(ensemble, ["sensors.speed_error"]):
         gains["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")
-    return {key: value for key, value in gains.items() if key in known}
+    return {key: value for key, value in gains.items() if key in values}
 
 
 MORE_PRELOAD = 1.8
@@ -133,8 +133,8 @@ def swings(plant: Plant) -> bool:
 
 def undamped(experiment: Experiment) -> list[str]:
     """Keys of the drums' damping that are 0 although the drums swing."""
-    known = leaves(experiment)
-    return [key for key in DAMPING if known.get(key) == 0] if swings(experiment.plant) else []
+    keys_of = leaves(experiment)
+    return [key for key in DAMPING if keys_of.get(key) == 0] if swings(experiment.plant) else []
 
 
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
@@ -148,17 +148,17 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     the half for its overshoot. A larger reserve lacks force where the reference needs nearly all of it, which is too
     rare for a search to see.
     """
-    off, known = default_reserve(ensemble), leaves(ensemble.experiment)
+    off, values = default_reserve(ensemble), leaves(ensemble.experiment)
     reserve = {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
-    smoothed = {SMOOTHING: {}} if swings(ensemble.experiment.plant) and SMOOTHING in known else {}
+    smoothed = {SMOOTHING: {}} if swings(ensemble.experiment.plant) and SMOOTHING in values else {}
     return reserve | smoothed
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:
     """Largest magnitude of a key over all scenarios."""
-    given = leaves(ensemble.experiment)[key]
-    drawn = ensemble.distributions.get(key)
-    return max(abs(float(value)) for value in (drawn.ends(given) if drawn else (given,)))
+    nominal = leaves(ensemble.experiment)[key]
+    distribution = ensemble.distributions.get(key)
+    return max(abs(float(value)) for value in (distribution.ends(nominal) if distribution else (nominal,)))
 
 
 def assumptions(ensemble: Ensemble | None) -> str:
@@ -175,5 +175,5 @@ def assumptions(ensemble: Ensemble | None) -> str:
 
 def _uncertain(ensemble: Ensemble, keys: Collection[str]) -> bool:
     """Whether one of the keys is drawn, or is not zero and not one of `KNOWN`."""
-    given = leaves(ensemble.experiment)
-    return any(key in ensemble.distributions or (given[key] and not key.endswith(KNOWN)) for key in keys)
+    values = leaves(ensemble.experiment)
+    return any(key in ensemble.distributions or (values[key] and not key.endswith(KNOWN)) for key in keys)

@@ -124,16 +124,18 @@ def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> fl
     parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z%].*)", text.strip())
     if not parts or re.fullmatch(r"[eE][-+]?\d+", parts[2]):
         return float(text)
-    value, unit, own = float(parts[1]), parts[2], "1" if statistic is None else statistic.unit
-    if isinstance(statistic, MarginStatistic) and statistic.metric == "gain_margin" and unit != own:
+    value, unit, unit_of_statistic = float(parts[1]), parts[2], "1" if statistic is None else statistic.unit
+    if isinstance(statistic, MarginStatistic) and statistic.metric == "gain_margin" and unit != unit_of_statistic:
         return 10 ** (value / 20) if unit == DECIBEL else _refused(unit, [DECIBEL])
-    if own == "1" and not isinstance(statistic, MarginStatistic):
+    if unit_of_statistic == "1" and not isinstance(statistic, MarginStatistic):
         return value / 100 if unit == PER_CENT else _refused(unit, [PER_CENT])
-    if own == "deg":
+    if unit_of_statistic == "deg":
         return value * ANGLES[unit] if unit in ANGLES else _refused(unit, list(ANGLES))
-    if own in UNITS:
-        return value * factor(unit, own)
-    return value if unit == own else _refused(unit, [] if own == "1" else [own])
+    if unit_of_statistic in UNITS:
+        return value * factor(unit, unit_of_statistic)
+    return (
+        value if unit == unit_of_statistic else _refused(unit, [] if unit_of_statistic == "1" else [unit_of_statistic])
+    )
 
 
 def _refused(unit: str, allowed: list[str]) -> float:
@@ -222,8 +224,8 @@ class Constraint:
             return -1.0 if value == (math.inf if self.at_least else -math.inf) else 1.0
         if math.isinf(self.bound):
             return -1.0 if self.unbounded else 1.0
-        beyond = self.bound - value if self.at_least else value - self.bound
-        return beyond / abs(self.bound) + margin if self.bound else beyond
+        excess = self.bound - value if self.at_least else value - self.bound
+        return excess / abs(self.bound) + margin if self.bound else excess
 
     @property
     def label(self) -> str:
@@ -281,12 +283,12 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
     Raises:
         ConfigurationError: anything else, or an unknown name.
     """
-    found = [_constraint(text, experiment) for text in texts if text != NONE]
-    for index, constraint in enumerate(found):
+    constraints = [_constraint(text, experiment) for text in texts if text != NONE]
+    for index, constraint in enumerate(constraints):
         side = constraint.statistic, constraint.at_least
-        if side in [(other.statistic, other.at_least) for other in found[:index]]:
+        if side in [(other.statistic, other.at_least) for other in constraints[:index]]:
             raise ConfigurationError(f"--constraint {constraint.text}: {constraint.statistic.name} is bounded twice")
-    return tuple(found)
+    return tuple(constraints)
 
 
 def constraints_with(
@@ -296,12 +298,12 @@ def constraints_with(
 
     `NONE` among the texts, or an empty list, drops the default ones.
     """
-    found = constraints_from(texts or (), experiment)
+    constraints = constraints_from(texts or (), experiment)
     if texts is not None and (NONE in texts or not texts):
-        return found
-    given = {(constraint.statistic, constraint.at_least) for constraint in found}
+        return constraints
+    sides = {(constraint.statistic, constraint.at_least) for constraint in constraints}
     usual = constraints_from(defaults, experiment)
-    return (*(each for each in usual if (each.statistic, each.at_least) not in given), *found)
+    return (*(each for each in usual if (each.statistic, each.at_least) not in sides), *constraints)
 
 
 def _constraint(text: str, experiment: Experiment) -> Constraint:
@@ -309,8 +311,8 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     if not parts:
         raise ConfigurationError(f"--constraint {text}: must be STATISTIC<=BOUND, e.g. worst.peak_tension<=6000")
     name, sign, factor, term = parts.groups()
-    own = experiment.metrics
-    statistic = margin_statistic(name, own) or statistic_from(name, own)
+    metrics = experiment.metrics
+    statistic = margin_statistic(name, metrics) or statistic_from(name, metrics)
     if "." not in name:
         bad_end = text.strip() if _is_own(statistic) else text.strip().replace(sign, _sign(statistic))
         named = " or ".join(f"{kind}.{bad_end}" for kind in ("worst", "mean"))
@@ -324,8 +326,8 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
         values = leaves(experiment)
         value = values.get(term)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            known = [*REFERENCES, *(key for key, known in values.items() if isinstance(known, float))]
-            raise ConfigurationError(f"--constraint {text}: '{term}' names no number; {suggestion(term, known)}")
+            names = [*REFERENCES, *(key for key, names in values.items() if isinstance(names, float))]
+            raise ConfigurationError(f"--constraint {text}: '{term}' names no number; {suggestion(term, names)}")
         return _checked(Constraint(text, statistic, sign == ">=", scale * float(value)))
     return _checked(Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic)))
 
@@ -339,20 +341,20 @@ def _checked(constraint: Constraint) -> Constraint:
         ConfigurationError: it does not.
     """
     text, statistic = constraint.text, constraint.statistic
-    sign, wanted = (">=" if constraint.at_least else "<="), _sign(statistic)
-    if sign != wanted and not _is_own(statistic):
+    sign, good_sign = (">=" if constraint.at_least else "<="), _sign(statistic)
+    if sign != good_sign and not _is_own(statistic):
         end = "small" if statistic.small_is_bad else "large"
-        raise ConfigurationError(f"--constraint {text}: {end} values are the bad ones: {text.replace(sign, wanted)}")
+        raise ConfigurationError(f"--constraint {text}: {end} values are the bad ones: {text.replace(sign, good_sign)}")
     bound, unit = constraint.bound, behind_number(statistic.unit)
     if isinstance(statistic, MarginStatistic):
         if statistic.margin == "phase" and bound > MOST_PHASE:
             raise ConfigurationError(f"--constraint {text}: must be at most {MOST_PHASE:g}{unit}, half a turn")
         return constraint
-    least, most = statistic.quantity.least, statistic.quantity.most
-    if not constraint.at_least and bound < least:
-        raise ConfigurationError(f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{unit}")
-    if not constraint.at_least and not constraint.reference and bound > most:
-        raise ConfigurationError(f"--constraint {text}: all runs satisfy it, none has more than {most:g}{unit}")
+    lower, upper = statistic.quantity.least, statistic.quantity.most
+    if not constraint.at_least and bound < lower:
+        raise ConfigurationError(f"--constraint {text}: nothing satisfies it, no run has less than {lower:g}{unit}")
+    if not constraint.at_least and not constraint.reference and bound > upper:
+        raise ConfigurationError(f"--constraint {text}: all runs satisfy it, none has more than {upper:g}{unit}")
     return constraint
 
 
@@ -389,12 +391,12 @@ def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[S
     for text in texts:
         if margin := margin_statistic(text, own):
             raise ConfigurationError(f"--objective {margin.name}: make it a constraint, {margin.name}>=...")
-    found = tuple(statistic_from(text, own) for text in texts)
-    for index, statistic in enumerate(found):
-        if statistic in found[:index]:
+    statistics = tuple(statistic_from(text, own) for text in texts)
+    for index, statistic in enumerate(statistics):
+        if statistic in statistics[:index]:
             raise ConfigurationError(f"--objective {statistic.name}: is named twice")
         if statistic.small_is_bad:
             raise ConfigurationError(
                 f"--objective {statistic.name}: small is bad; make it a constraint, {statistic.name}>=..."
             )
-    return found
+    return statistics

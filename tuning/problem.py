@@ -62,7 +62,7 @@ class TuningProblem:
         choices: the defaults chosen for this problem, each with its reason, in words.
         starts: controllers of the same parts, from whose gains the search may begin as well; the better begins
             (`tuning.scoring.starts`).
-        kept: keys whose values a design of the start keeps (`analysis.design`); the designed controller is one more
+        fixed: keys whose values a design of the start keeps (`analysis.design`); the designed controller is one more
             start then. ``None``: no design.
         design: the one of `starts` that is designed for the machine; ``None``: none is.
         start_words: which controller the search starts from, in words.
@@ -78,7 +78,7 @@ class TuningProblem:
     options: TuningOptions = field(default_factory=TuningOptions)
     choices: tuple[str, ...] = field(default=(), compare=False)
     starts: tuple[Controller, ...] = ()
-    kept: tuple[str, ...] | None = field(default=None, compare=False)
+    fixed: tuple[str, ...] | None = field(default=None, compare=False)
     design: Controller | None = field(default=None, compare=False)
     start_words: str = field(default=AS_DESCRIBED, compare=False)
 
@@ -110,9 +110,9 @@ class TuningProblem:
             start = self.start[dimension.name]
             if not dimension.holds(start):
                 keys = " and ".join(dimension.keys)
-                shown = start if isinstance(start, str) else f"{start:g}"
+                text = start if isinstance(start, str) else f"{start:g}"
                 raise ConfigurationError(
-                    f"infeasible start: {keys} = {shown} is outside of the space, {dimension.allowed}; "
+                    f"infeasible start: {keys} = {text} is outside of the space, {dimension.allowed}; "
                     "widen the bounds, or start elsewhere with --set"
                 )
         for point in self._limits():
@@ -143,8 +143,8 @@ class TuningProblem:
             ensemble = self.ensemble and replace(self.ensemble, experiment=experiment)
             words = DESIGNED if controller is self.design else f"number {number} of starts"
             problem = replace(self, experiment=experiment, ensemble=ensemble, start_words=words)
-            problems.append(replace(problem, starts=(), kept=None, design=None))
-        return replace(self, starts=(), kept=None, design=None), *problems
+            problems.append(replace(problem, starts=(), fixed=None, design=None))
+        return replace(self, starts=(), fixed=None, design=None), *problems
 
     @property
     def start(self) -> Point:
@@ -172,8 +172,8 @@ class TuningProblem:
         """Every statistic of runs that is kept for a candidate, without repetition."""
         bounded = (constraint.statistic for constraint in self.constraints)
         used = (*self.objectives, *(statistic for statistic in bounded if isinstance(statistic, Statistic)))
-        own = [Statistic("mean", metric.table(), metric) for metric in self.experiment.metrics]
-        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED), *own)))
+        metrics = [Statistic("mean", metric.table(), metric) for metric in self.experiment.metrics]
+        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED), *metrics)))
 
     @property
     def units(self) -> dict[str, str]:

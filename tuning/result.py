@@ -124,7 +124,7 @@ class TuningResult:
     @property
     def _unbounded(self) -> tuple[str, ...]:
         pairs = zip(self.problem.constraints, self.training.constraints, strict=True)
-        texts = [asked.text for asked, given in pairs if asked.reference and given.unbounded]
+        texts = [constraint.text for constraint, bound in pairs if constraint.reference and bound.unbounded]
         return (f"no reference run completes; without effect: {', '.join(texts)}",) if texts else ()
 
     @cached_property
@@ -140,8 +140,8 @@ class TuningResult:
         ]
         if not ended:
             return frozenset()
-        moved = [point | {dimension.name: dimension.decoded(0.5)} for dimension in ended]
-        runs = run_pairs(space.keys, [space.parameters(each) for each in (point, *moved)], self.training.scenarios)
+        neighbours = [point | {dimension.name: dimension.decoded(0.5)} for dimension in ended]
+        runs = run_pairs(space.keys, [space.parameters(each) for each in (point, *neighbours)], self.training.scenarios)
         if not runs.completed[0].any():
             return frozenset()
         metrics = np.stack(list(runs.metrics.values()))
@@ -306,8 +306,8 @@ def contenders(tuned: TuningResult) -> list[str]:
     """The controllers that the best is compared with, as explanations of the headings."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
-    own = adapted(tuned.problem.paper_experiment.controller)
-    words = [f"paper: {paper} with the paper's gains{own and f', and the {own} of the start'}"]
+    adaptation = adapted(tuned.problem.paper_experiment.controller)
+    words = [f"paper: {paper} with the paper's gains{adaptation and f', and the {adaptation} of the start'}"]
     return words if tuned.verdict.start_is_papers else [f"start: {start} {tuned.problem.start_words}", *words]
 
 
@@ -345,11 +345,12 @@ def comparison(tuned: TuningResult) -> str:
     If test scenarios are infeasible, first over the feasible ones, by which the best was chosen.
     """
     verdict, objective = tuned.verdict, tuned.problem.objectives[0]
-    others = {"paper": "the paper's"} | ({"start": "the start's"} if "start" in verdict.shown else {})
+    references = {"paper": "the paper's"} | ({"start": "the start's"} if "start" in verdict.shown else {})
 
     def compared(*, feasible: bool) -> str:
         ratios = [
-            times(verdict.improvement(objective.name, over, feasible=feasible), whose) for over, whose in others.items()
+            times(verdict.improvement(objective.name, over, feasible=feasible), whose)
+            for over, whose in references.items()
         ]
         return " and ".join(ratios)
 
@@ -382,11 +383,13 @@ def _digits(ratio: float) -> str:
 def authority(tuned: TuningResult) -> str:
     """Number of test scenarios beyond the motors' authority, in words; empty for none."""
     verdict, share = tuned.verdict, tuned.problem.options.authority
-    beyond = verdict.scored.scenarios - verdict.feasible_scenarios
-    if not beyond or not verdict.has_test_set:
+    infeasible = verdict.scored.scenarios - verdict.feasible_scenarios
+    if not infeasible or not verdict.has_test_set:
         return ""
-    verb = "demands" if beyond == 1 else "demand"
-    return f"{beyond} of the scenarios {verb} more than {100 * share:g} % of the motors' force: no gains keep up there"
+    verb = "demands" if infeasible == 1 else "demand"
+    return (
+        f"{infeasible} of the scenarios {verb} more than {100 * share:g} % of the motors' force: no gains keep up there"
+    )
 
 
 def advice(tuned: TuningResult) -> list[str]:
@@ -394,19 +397,19 @@ def advice(tuned: TuningResult) -> list[str]:
     verdict, problem = tuned.verdict, tuned.problem
     if verdict.improved and verdict.scored.feasible:
         return []
-    found: list[str] = []
+    remedies: list[str] = []
     if undamping := undamped(problem.experiment):
-        found.append(f"damping of the drums (--set): {' and '.join(undamping)} = 0, though {SWINGING}")
-    wanted = problem.options.trials_needed(len(problem.space.dimensions))
-    if len(tuned.trials) < wanted:
-        found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")
+        remedies.append(f"damping of the drums (--set): {' and '.join(undamping)} = 0, though {SWINGING}")
+    trials = problem.options.trials_needed(len(problem.space.dimensions))
+    if len(tuned.trials) < trials:
+        remedies.append(f"more trials (--time, --trials, --resume): {trials} or more for this many gains")
     if hardest := _hardest(tuned):
-        found.append(f"a looser bound (--constraint): {hardest}")
+        remedies.append(f"a looser bound (--constraint): {hardest}")
     if at_bounds := _at_bounds(tuned):
-        found.append(f"wider bounds (--space): the best trials lie at those of {', '.join(at_bounds)}")
+        remedies.append(f"wider bounds (--space): the best trials lie at those of {', '.join(at_bounds)}")
     if tuned.method != (usual := default_method(len(problem.objectives))):
-        found.append(f"another method (--method {usual})")
-    return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
+        remedies.append(f"another method (--method {usual})")
+    return remedies or ["another start (--set), another seed (--seed), or more gains (--space)"]
 
 
 def too_short(tuned: TuningResult) -> str:
@@ -421,15 +424,15 @@ def short_of(trials: int, gains: int, config: TuningOptions, seconds: float | No
 
     `seconds`, in s, or `rollouts` are what the search took, if they were its budget.
     """
-    wanted = config.trials_needed(gains)
-    if trials >= wanted:
+    trials_needed = config.trials_needed(gains)
+    if trials >= trials_needed:
         return ""
-    more = f"--trials {wanted}"
+    option = f"--trials {trials_needed}"
     if seconds is not None:
-        more = f"--time {_duration(seconds * wanted / trials)}"
+        option = f"--time {_duration(seconds * trials_needed / trials)}"
     elif rollouts is not None:
-        more = f"--rollouts {math.ceil(rollouts * wanted / trials / 500) * 500}"
-    return f"a short search: {trials} trials, and {gains} gains need about {wanted}: {more}"
+        option = f"--rollouts {math.ceil(rollouts * trials_needed / trials / 500) * 500}"
+    return f"a short search: {trials} trials, and {gains} gains need about {trials_needed}: {option}"
 
 
 def _duration(seconds: float) -> str:
@@ -470,15 +473,15 @@ def widen(tuned: TuningResult) -> str:
 
 def _hardest(tuned: TuningResult) -> str:
     """The constraint that most complete trials violate, if at most one in ten satisfies all; else empty."""
-    whole = [trial for trial in tuned.trials if not trial.pruned]
-    if sum(trial.feasible for trial in whole) > len(whole) // 10:
+    complete = [trial for trial in tuned.trials if not trial.pruned]
+    if sum(trial.feasible for trial in complete) > len(complete) // 10:
         return ""
     counts = {
-        constraint.label: sum(trial.violations[constraint.label] > 0 for trial in whole)
+        constraint.label: sum(trial.violations[constraint.label] > 0 for trial in complete)
         for constraint in tuned.training.constraints
     }
     label = max(counts, key=lambda name: counts[name], default="")
-    return f"{counts[label]} of {len(whole)} complete trials violate {label}" if label and counts[label] else ""
+    return f"{counts[label]} of {len(complete)} complete trials violate {label}" if label and counts[label] else ""
 
 
 def _at_bounds(tuned: TuningResult) -> list[str]:

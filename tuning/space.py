@@ -182,13 +182,13 @@ class Space:
 
     def difference(self, other: "Space") -> str:
         """Differences from another space, in words; empty if there are none."""
-        here, there = ({d.name: d.allowed for d in space.dimensions} for space in (self, other))
-        words = [f"{name} only here" for name in here if name not in there]
-        words += [f"{name} only there" for name in there if name not in here]
+        here, theirs = ({d.name: d.allowed for d in space.dimensions} for space in (self, other))
+        words = [f"{name} only here" for name in here if name not in theirs]
+        words += [f"{name} only there" for name in theirs if name not in here]
         words += [
-            f"{name} is {here[name]} here and {there[name]} there"
+            f"{name} is {here[name]} here and {theirs[name]} there"
             for name in here
-            if name in there and here[name] != there[name]
+            if name in theirs and here[name] != theirs[name]
         ]
         return "; ".join(words)
 

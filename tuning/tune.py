@@ -134,10 +134,10 @@ def tune(
         if not keep:
             raise
         interrupted = True
-    searched, tried = clock.now(), evaluator.rollouts
+    searched, rollouts_of_search = clock.now(), evaluator.rollouts
     watch.phase(CERTIFYING)
     if certification:
-        total = None if seconds is not None and rollouts is None else rollouts or tried
+        total = None if seconds is not None and rollouts is None else rollouts or rollouts_of_search
         _certify(certification, None if trials or interrupted else searching, store, total, last)
     watch.phase(SCORING)
     verdict = select(evaluator, store.finished(), certification, test_scenarios)
@@ -151,7 +151,7 @@ def tune(
         overhead=status.overhead,
         margin_seconds=evaluator.meter.margin_seconds,
         compiling=build_seconds() - built,
-        judging_rollouts=evaluator.rollouts - tried,
+        judging_rollouts=evaluator.rollouts - rollouts_of_search,
     )
     return TuningResult(training, method, tuple(store.finished()), verdict, status, cost, interrupted, seconds)
 

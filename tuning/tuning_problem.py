@@ -119,39 +119,39 @@ def tuning_problem(
     config = None if config is None else Path(config)
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")
-    base, chosen = experiment or experiment_from(case, config, None, []), list[str]()
+    base, reasons = experiment or experiment_from(case, config, None, []), list[str]()
     named = None if experiment else {*values, *named_keys(config), *named_keys(ensemble)}
-    drawn = machines = _ensemble(ensemble, base, experiment is case is config is None)
+    draws = machines = _ensemble(ensemble, base, experiment is case is config is None)
     start = AS_DESCRIBED
-    if drawn is None:
+    if draws is None:
         base = override(base, values)
-        for name, given in (("scenarios", scenarios), ("violation", violation), ("confidence", confidence)):
-            if given is not None:
+        for name, option in (("scenarios", scenarios), ("violation", violation), ("confidence", confidence)):
+            if option is not None:
                 raise ConfigurationError(f"--{name}: needs --ensemble; without one there is a single run, and no draws")
         machines = Ensemble("this machine", "", base, {}) if swings(base.plant) else None
     if machines is not None:
         if named is not None:
-            machines, chosen, start = _with_defaults(machines, values, named)
+            machines, reasons, start = _with_defaults(machines, values, named)
         else:
             machines = reset(machines, values)
             if keys := undamped(machines.experiment):
-                chosen.append(f"gains as the experiment has them, with {' and '.join(keys)} = 0, though {SWINGING}")
+                reasons.append(f"gains as the experiment has them, with {' and '.join(keys)} = 0, though {SWINGING}")
         for key, distribution in machines.distributions.items():
             check_range(key, distribution, machines.experiment)
         base = machines.experiment
-        drawn = None if drawn is None else machines
+        draws = None if draws is None else machines
     options = _certified(options or TuningOptions(), violation, confidence)
     count = options.draws if scenarios is None else scenarios
     whole_number("scenarios", count, 1)
     whole_number("seed", seed)
     swinging = swings(base.plant)
     defaults = default_constraints(
-        drawn is not None,
+        draws is not None,
         lag=not is_ideal(base.actuator),
         swinging=swinging,
         resonance=swinging and isinstance(base.controller.law, SLIDING_MODE),
-        own=drawn is not None and drawn.name not in built_in_ensembles(),
-        overloads=any(leaves(base).get(key) or (drawn and key in drawn.distributions) for key in SIZES),
+        own=draws is not None and draws.name not in built_in_ensembles(),
+        overloads=any(leaves(base).get(key) or (draws and key in draws.distributions) for key in SIZES),
     )
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
@@ -159,16 +159,16 @@ def tuning_problem(
     designable = machines is not None and not space and isinstance(base.controller.law, SLIDING_MODE)
     problem = TuningProblem(
         experiment=base,
-        ensemble=drawn,
+        ensemble=draws,
         space=gains,
         objectives=minimised,
         constraints=bounded,
-        scenarios=count if drawn else 1,
+        scenarios=count if draws else 1,
         seed=seed,
         options=options,
-        choices=tuple(chosen),
+        choices=tuple(reasons),
         starts=tuple(starts),
-        kept=tuple(sorted(named.difference(gains.keys))) if designable and named is not None else None,
+        fixed=tuple(sorted(named.difference(gains.keys))) if designable and named is not None else None,
         start_words=start,
     )
     problem.check()
@@ -177,8 +177,8 @@ def tuning_problem(
 
 def _certified(options: TuningOptions, violation: float | None, confidence: float | None) -> TuningOptions:
     """Options with other probabilities."""
-    asked = {"violation": violation, "confidence": confidence}
-    return replace(options, **{name: value for name, value in asked.items() if value is not None})
+    probabilities = {"violation": violation, "confidence": confidence}
+    return replace(options, **{name: value for name, value in probabilities.items() if value is not None})
 
 
 def named_keys(file: str | Path | Ensemble | None) -> Collection[str]:
@@ -203,25 +203,25 @@ def _with_defaults(
     Returns:
         The ensemble, the reasons, and which controller it has (`TuningProblem.start_words`), in words.
     """
-    chosen, parts = list[str](), dict[str, str]()
+    reasons, parts = list[str](), dict[str, str]()
     where = f"in '{ensemble.name}'" if ensemble.distributions else f"on {ensemble.name}"
     if ESTIMATOR not in named:
         parts[ESTIMATOR] = usual = default_estimator(ensemble)
-        reasons = ["sensors are noisy"]
+        causes = ["sensors are noisy"]
         if uncertain_drums(ensemble):
-            reasons.append("encoder zeros, drums or the position sensor are not exact")
+            causes.append("encoder zeros, drums or the position sensor are not exact")
         if sags(ensemble.experiment.plant):
-            reasons.append("ropes sag")
-        reason = f"{where} {', '.join(reasons)}" if ensemble.distributions else SWINGING
-        chosen.append(f"estimator {usual}: none is named, and {reason}")
+            causes.append("ropes sag")
+        reason = f"{where} {', '.join(causes)}" if ensemble.distributions else SWINGING
+        reasons.append(f"estimator {usual}: none is named, and {reason}")
     if (sharing := default_coordination(ensemble)) and COORDINATION not in named:
         parts[COORDINATION] = sharing
-        chosen.append(f"coordination {sharing}: none is named, and {where} ropes sag between rollers")
+        reasons.append(f"coordination {sharing}: none is named, and {where} ropes sag between rollers")
     ensemble = reset(ensemble, {**parts, **values})
     gains = {RESERVE: default_reserve(ensemble)} | starting_gains(ensemble)
     started = {key: value for key, value in gains.items() if key not in named}
     if (noise := started.get(POSITION_NOISE)) is not None and noise != leaves(ensemble.experiment)[POSITION_NOISE]:
-        chosen.append(f"{POSITION_NOISE} = {noise:g}: noise and rounding of the described position sensor")
+        reasons.append(f"{POSITION_NOISE} = {noise:g}: noise and rounding of the described position sensor")
     ensemble, words = reset(ensemble, started), AS_DESCRIBED
     if swings(ensemble.experiment.plant):
         experiment = formula_design(ensemble.experiment, kept=named)
@@ -229,10 +229,10 @@ def _with_defaults(
         ensemble, designed = replace(ensemble, experiment=experiment), leaves(experiment)
         damped = ", ".join(f"{key} = {designed[key]:.3g}" for key in DAMPING if key in designed and key not in named)
         limit, *_ = limits_of(experiment)
-        chosen.append(
+        reasons.append(
             f"gains that no file names are designed for this machine ({damped}), for a bandwidth of {limit}: {SWINGING}"
         )
-    return ensemble, chosen, words
+    return ensemble, reasons, words
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

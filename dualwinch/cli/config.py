@@ -57,7 +57,7 @@ def _start(given: ExperimentOptions, ensemble: str | None) -> str:
     before = given.nominal(ensemble)
     problem = tuning_problem(case=given.case, config=given.config, settings=given.assignments, ensemble=ensemble)
     experiment, words = problem.experiment, list(problem.choices)
-    if problem.kept is not None:
+    if problem.fixed is not None:
         named = {*given.values, *(own_keys(given.config) if given.config else ()), *named_keys(ensemble)}
         machine = experiment if problem.ensemble is None else problem.drawn_ensemble
         design = designed(machine, kept=named)

@@ -118,9 +118,9 @@ class SampleCertificate:
     def _draw_words(self) -> str:
         if not self.draws:
             return "no draws examined"
-        wanted = "" if self.supported <= self.violation else f", asked for: {_share(1 - self.violation)}"
-        kept = _share(1 - max(self.violation, self.supported))
-        return f"bounds hold in ≥ {kept} of draws ({self.violations} of {self.draws} fresh ones violate one{wanted})"
+        request = "" if self.supported <= self.violation else f", asked for: {_share(1 - self.violation)}"
+        share = _share(1 - max(self.violation, self.supported))
+        return f"bounds hold in ≥ {share} of draws ({self.violations} of {self.draws} fresh ones violate one{request})"
 
     @property
     def _machine_words(self) -> str:

@@ -47,8 +47,8 @@ class CuttingSet:
         self._number = len(self.draws) + len(self.cuts)
         self.back_off: dict[str, float] = {}
         self.survey, self.version = training.margins, 0
-        drawn = [each for each in training.scenarios[:TRAINING_MACHINES] if isinstance(each, Scenario)]
-        self._machines = dict(enumerate(drawn, 1))
+        machines = [each for each in training.scenarios[:TRAINING_MACHINES] if isinstance(each, Scenario)]
+        self._machines = dict(enumerate(machines, 1))
         self._slack: dict[int, float] = {}
         self._violations: Mapping[int, float] = {}
         self._loops: set[Loop] = set()
@@ -91,8 +91,8 @@ class CuttingSet:
 
     def add_machine(self, machine: Scenario) -> None:
         """Add a machine; beyond the largest number, the one with the most slack at the last leader goes."""
-        numbers, most = list(self._machines), TRAINING_MACHINES + self._training.problem.options.machines_checked
-        if len(numbers) >= most:
+        numbers, largest = list(self._machines), TRAINING_MACHINES + self._training.problem.options.machines_checked
+        if len(numbers) >= largest:
             dropped = max(numbers, key=lambda number: self._slack.get(number, 0.0))
             del self._machines[dropped]
             self._loops = {loop for loop in self._loops if loop[0] != dropped}
@@ -139,8 +139,10 @@ class CuttingSet:
                 continue
             values = np.array([margins_of[kind].value for margins_of in of_loops])
             margins |= {kind: min((margins_of[kind] for margins_of in of_loops), key=comparable_value)}
-            least = {numbers[machine]: values[surveyed.loops[:, 0] == machine].min() for machine in range(len(numbers))}
-            self._slack |= {machine: float(value) for machine, value in least.items()}
+            margin_of = {
+                numbers[machine]: values[surveyed.loops[:, 0] == machine].min() for machine in range(len(numbers))
+            }
+            self._slack |= {machine: float(value) for machine, value in margin_of.items()}
             places = {int(values.argmin())}
             for machine in machines:
                 mine = np.flatnonzero(surveyed.loops[:, 0] == machine)

@@ -211,8 +211,8 @@ class Evaluator(Scorer):
             entry = entries[order[0]]
             changed = [entry]
             if not entry.evaluation.pruned and self._is_stale(entry):
-                whole = [entries[index] for index in order if not entries[index].evaluation.pruned]
-                changed = [each for each in whole if self._is_stale(each)][: options.generation]
+                complete = [entries[index] for index in order if not entries[index].evaluation.pruned]
+                changed = [each for each in complete if self._is_stale(each)][: options.generation]
                 self._survey(changed)
             elif any(number not in entry.runs for number in cutting.scenarios):
                 self._run(changed, list(cutting.scenarios))

@@ -36,14 +36,14 @@ class FreshMeans:
         self._scorer, self._error, self._looks = scorer, error, 0
         pairs = zip(scorer.problem.constraints, scorer.training.constraints, strict=True)
         self._bounds = {
-            trained.label: asked
-            for asked, trained in pairs
-            if asked.kind == "mean" and (referring or not asked.reference)
+            trained.label: bound
+            for bound, trained in pairs
+            if bound.kind == "mean" and (referring or not bound.reference)
         }
         self._statistics = {
-            label: asked.statistic for label, asked in self._bounds.items() if isinstance(asked.statistic, Statistic)
+            label: bound.statistic for label, bound in self._bounds.items() if isinstance(bound.statistic, Statistic)
         }
-        self._open = {label for label, asked in self._bounds.items()}
+        self._open = set(self._bounds)
         self._scenarios: dict[str, list[Experiment | Scenario]] = {label: [] for label in self._bounds}
         self._runs: dict[str, list[RunOutcomes]] = {label: [] for label in self._bounds}
         self._references: dict[str, list[RunOutcomes]] = {label: [] for label in self._bounds}
@@ -53,13 +53,13 @@ class FreshMeans:
         self._looks += 1
         named = {self._bounds[label].reference for label in self._open} - {""}
         references = {name: self._scorer.reference_runs(name, scenarios) for name in named}
-        for label, asked in self._bounds.items():
-            if asked.reference and label not in self._open:
+        for label, bound in self._bounds.items():
+            if bound.reference and label not in self._open:
                 continue
             self._runs[label].append(runs)
             self._scenarios[label] += scenarios
-            if asked.reference:
-                self._references[label].append(references[asked.reference])
+            if bound.reference:
+                self._references[label].append(references[bound.reference])
         self._open -= {label for label in self._open if self._settled(label)}
 
     @property
@@ -82,19 +82,21 @@ class FreshMeans:
 
     def _bound(self, label: str) -> Constraint:
         """A bound as a number in these draws."""
-        asked = self._bounds[label]
-        if not asked.reference:
-            return asked
+        bound = self._bounds[label]
+        if not bound.reference:
+            return bound
         reference = concatenated(self._references[label])
-        return asked.given(over(self._statistics[label], reference, 0, self._scenarios[label]))
+        return bound.given(over(self._statistics[label], reference, 0, self._scenarios[label]))
 
     def _settled(self, label: str) -> bool:
         """Whether the mean difference from a bound differs from 0 by Student's test."""
-        statistic, asked = self._statistics[label], self._bounds[label]
+        statistic, constraint = self._statistics[label], self._bounds[label]
         if statistic.kind != "mean":
             return False
         values = self._values(statistic, self._runs[label])
-        bound = asked.bound * self._values(statistic, self._references[label]) if asked.reference else asked.bound
+        bound: NDArray[np.float64] | float = constraint.bound
+        if constraint.reference:
+            bound = bound * self._values(statistic, self._references[label])
         counted = np.array([counts(statistic, scenario) for scenario in self._scenarios[label]])
         differences = (values - bound)[counted]
         differences = differences[np.isfinite(differences)]

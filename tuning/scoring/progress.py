@@ -85,8 +85,8 @@ class TuningProgress:
         """
 
         def report(fraction: float) -> None:
-            done = f", {100 * fraction:.0f} %" if fraction else ""
-            self._progress(fraction, words, status and f"{status}{done}")
+            percentage = f", {100 * fraction:.0f} %" if fraction else ""
+            self._progress(fraction, words, status and f"{status}{percentage}")
 
         report(0.0)
         return report
@@ -108,8 +108,8 @@ class TuningProgress:
         self._progress(progress.share, status=self._status(progress, until, trials))
 
     def _status(self, now: SearchStatus, until: float | None, trials: int | None) -> str:
-        of, left = f" of {trials}" if trials else "", _left(now, until, trials)
-        words = [] if left is None else [f"{left:.0f} s of search left"]
+        of, remaining = f" of {trials}" if trials else "", _left(now, until, trials)
+        words = [] if remaining is None else [f"{remaining:.0f} s of search left"]
         words.append(f"{now.trials}{of} trials, {now.feasible} of {now.complete} that ran in all scenarios feasible")
         if now.best and not all(map(math.isfinite, now.best.objectives)):
             words.append("no trial has completed its runs yet")
@@ -131,10 +131,10 @@ SOON = 0.05
 def _left(now: SearchStatus, until: float | None, trials: int | None) -> float | None:
     """Remaining time of the search in s, by the budget that ends first; ``None``: too early for an estimate."""
     shares = [*([now.trials / trials] if trials else []), *([now.share] if now.share else [])]
-    left = [(now.seconds - now.compiling) * (1 / share - 1) for share in shares if share >= SOON]
+    seconds = [(now.seconds - now.compiling) * (1 / share - 1) for share in shares if share >= SOON]
     if until is not None:
-        left.append(until - clock.without_compiling())
-    return max(min(left), 0.0) if left else None
+        seconds.append(until - clock.without_compiling())
+    return max(min(seconds), 0.0) if seconds else None
 
 
 NO_PROGRESS = TuningProgress()

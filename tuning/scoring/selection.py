@@ -219,21 +219,21 @@ class Certification:
     ) -> SampleCertificate:
         """The second part of an examination: fresh draws, stage by stage."""
         evaluator, chunk = self._evaluator, self._evaluator.problem.options.chunk
-        stage, first = certificate.draws_of_stage(0), self._draws
+        stage, start = certificate.draws_of_stage(0), self._draws
         draws, runs = FreshDraws.none(), list[RunOutcomes]()
         means = FreshMeans(evaluator, 1 - evaluator.problem.options.confidence)
         while not runs or not budget.ended():
             report = self._watch.step(CERTIFYING, f"certifying: {self._which(entry)} in {stage} fresh draws")
             report(certificate.draws / stage)
-            more = evaluator.fresh(CERTIFICATE, first + certificate.draws, min(chunk, stage - certificate.draws))
-            result = evaluator.run([entry.candidate], more.scenarios, to_the_end=False)
+            batch = evaluator.fresh(CERTIFICATE, start + certificate.draws, min(chunk, stage - certificate.draws))
+            result = evaluator.run([entry.candidate], batch.scenarios, to_the_end=False)
             runs.append(result)
-            draws = draws.joined(more)
-            means.add(result, more.scenarios)
+            draws = draws.joined(batch)
+            means.add(result, batch.scenarios)
             violations = int((worst_of(result, evaluator.training.constraints) > 0).sum())
             certificate = replace(
                 certificate,
-                draws=certificate.draws + len(more.scenarios),
+                draws=certificate.draws + len(batch.scenarios),
                 violations=certificate.violations + violations,
                 means=means.violated,
             )
@@ -295,19 +295,19 @@ def select(
     examination, start = None, _start(evaluator, trials)
     if certification is None:
         leader = trials[feasibility_first(trials)[0]]
-        chosen = leader if improves_on(leader, start, evaluator.training.constraints) else start
+        best = leader if improves_on(leader, start, evaluator.training.constraints) else start
     else:
         examination = certification.best()
-        chosen = start if examination.entry is certification.start else examination.entry.evaluation
+        best = start if examination.entry is certification.start else examination.entry.evaluation
     watch.phase(SCORING)
     test_set = TestSet(evaluator, test or problem.options.test, problem.stream(TEST))
     scores = {"start": test_set.score(start.candidate), "paper": test_set.paper}
-    scores = {"best": scores["start"] if chosen is start else test_set.score(chosen.candidate)} | scores
+    scores = {"best": scores["start"] if best is start else test_set.score(best.candidate)} | scores
     certificate = examination.certificate if examination else None
     return SelectionResult(
-        best=chosen,
-        obstacle=_obstacle(certification) if chosen is start else "",
-        contradiction="" if chosen is start else _contradiction(scores, certificate, test_set.constraints),
+        best=best,
+        obstacle=_obstacle(certification) if best is start else "",
+        contradiction="" if best is start else _contradiction(scores, certificate, test_set.constraints),
         certificate=certificate,
         examined=len(certification.others) if certification else 0,
         unexamined=certification.unexamined if certification else 0,
@@ -329,10 +329,10 @@ def _obstacle(certification: Certification | None) -> str:
     """Why the start is kept, in words."""
     if certification is None:
         return NOT_CHOSEN
-    others = certification.others
-    if not others:
+    examinations = certification.others
+    if not examinations:
         return NONE_BEFORE
-    best = min(others, key=lambda each: each.merit)
+    best = min(examinations, key=lambda each: each.merit)
     trial, certificate = best.entry.evaluation, best.certificate
     objective = certification.objective
     reached = f"trial {trial.number} reaches {objective.name} = {trial.objectives[0]:.4g} {objective.unit}".rstrip()
@@ -343,7 +343,7 @@ def _obstacle(certification: Certification | None) -> str:
         else "",
         *certificate.means,
     ]
-    count = f"{len(others)} candidate{'s' * (len(others) != 1)} examined"
+    count = f"{len(examinations)} candidate{'s' * (len(examinations) != 1)} examined"
     return f"{count}; the best, {reached}, violates bounds {' and '.join(filter(None, violated))}"
 
 
@@ -357,8 +357,8 @@ def _contradiction(
     """
     best, start = (scores[name].feasible for name in ("best", "start"))
     if certificate and certificate.draws:
-        least, _ = clopper_pearson(best.violated, best.scenarios, certificate.confidence)
-        if least > certificate.supported:
+        lowest, _ = clopper_pearson(best.violated, best.scenarios, certificate.confidence)
+        if lowest > certificate.supported:
             return PROBABILITY_CONTRADICTED
         if not best.violation_of(constraints, "mean"):
             best = replace(best, violations={}, violated=0)

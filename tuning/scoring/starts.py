@@ -17,8 +17,8 @@ def prepare_best_start(
     problem: TuningProblem, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
 ) -> TrainingSet:
     """`prepare` for the best of a problem's starts, by the exact penalty function; all are run in the same draws."""
-    beginning, *others = problem.beginnings
-    prepared = [prepare(beginning, workers, watch), *(prepare(each, workers) for each in others)]
+    beginning, *alternatives = problem.beginnings
+    prepared = [prepare(beginning, workers, watch), *(prepare(each, workers) for each in alternatives)]
     if len(prepared) == 1:
         return prepared[0]
     evaluations = [Scorer(training, workers).start() for training in prepared]
@@ -27,16 +27,16 @@ def prepare_best_start(
 
 def with_designed_start(problem: TuningProblem, watch: TuningProgress = NO_PROGRESS) -> TuningProblem:
     """The problem with the controller designed for the machine (`analysis.design`) as a start, unless it has none."""
-    if problem.kept is None:
+    if problem.fixed is None:
         return problem
     watch.phase(DESIGNING)
     machine = problem.experiment if problem.ensemble is None else problem.drawn_ensemble
     # a light drum keeps its controller without damping: another structure would be compiled for the start alone
-    kept = {*problem.kept, *_zeros(problem.experiment)}
-    controller = designed(machine, kept=kept, seed=problem.stream(DESIGN), compiled=True).controller
+    keys = {*problem.fixed, *_zeros(problem.experiment)}
+    controller = designed(machine, kept=keys, seed=problem.stream(DESIGN), compiled=True).controller
     if controller == problem.experiment.controller:
-        return replace(problem, kept=None, start_words=DESIGNED)
-    return replace(problem, starts=(*problem.starts, controller), kept=None, design=controller)
+        return replace(problem, fixed=None, start_words=DESIGNED)
+    return replace(problem, starts=(*problem.starts, controller), fixed=None, design=controller)
 
 
 def _zeros(experiment: Experiment) -> set[str]:
