@@ -170,12 +170,12 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_drawn_ones(bo
     assert violation == pytest.approx(1 - least["delay"].value / 5e-3, rel=1e-6)
 
 
-def test_the_better_half_has_margins_in_the_active_loops_and_the_leader_in_all(bounded: TuningProblem) -> None:
+def test_all_candidates_have_margins_in_the_active_loops_and_the_leader_in_all(bounded: TuningProblem) -> None:
     evaluator = Evaluator(prepare(bounded))
     found = evaluator.evaluate([Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)])
     assert {trial.pruned for trial in found} == {False, True}
     for trial in found:
-        assert ("worst.delay_margin" in trial.statistics) != trial.pruned
+        assert "worst.delay_margin" in trial.statistics, "it counts in the halving"
         assert set(trial.violations) == set(found[0].violations)
     active, surveyed = evaluator.cutting.active, evaluator.cutting.survey
     assert active is not None

@@ -105,7 +105,7 @@ def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tunin
 
 def test_a_notebook_and_a_prompt_show_what_was_found(tuned: TuningResult) -> None:
     shown = tuned._repr_html_()
-    assert headline(tuned) in shown
+    assert escape(headline(tuned)) in shown
     assert escape(worth(tuned)) in shown
     for key, value in tuned.gains.items():
         assert f">{key}</td>" in shown
