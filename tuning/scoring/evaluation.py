@@ -96,11 +96,12 @@ class Evaluator(Scorer):
         archive: point → candidate of the search.
         check_rollouts: rollouts of checks.
         certified: the best certified candidate; ``None``: none so far.
+        largest_batch: largest number of rollouts of a batch so far, the leader's and the check's included.
     """
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
         super().__init__(training, workers)
-        self.cutting, self.check_rollouts = CuttingSet(training), 0
+        self.cutting, self.check_rollouts, self.largest_batch = CuttingSet(training), 0, 0
         self.certified: ArchiveEntry | None = None
         self.archive: dict[PointKey, ArchiveEntry] = {}
         self._checked_draws = 0
@@ -108,12 +109,13 @@ class Evaluator(Scorer):
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate a batch of candidates; an interrupt keeps nothing of it."""
         self.find_active_loops()
-        single = len(self.problem.objectives) == 1
+        before, single = self.rollouts, len(self.problem.objectives) == 1
         entries = [ArchiveEntry(candidate, _unknown(candidate)) for candidate in candidates]
         self._halve(entries) if single else self._examine(entries)
         self.archive |= {point_key(entry.candidate): entry for entry in entries}
         if self.problem.ensemble is not None and single:
             self._check()
+        self.largest_batch = max(self.largest_batch, self.rollouts - before)
         return [entry.evaluation for entry in entries]
 
     def _halve(self, entries: Sequence[ArchiveEntry]) -> None:
@@ -129,17 +131,6 @@ class Evaluator(Scorer):
             order = penalised_first([entry.evaluation for entry in racing], self.problem.options.penalty)
             racing = [racing[index] for index in order if racing[index].complete][:places]
         self._examine([*racing, *(entry for entry in exempt if entry not in racing)])
-
-    def rollouts_of(self, candidates: int) -> int:
-        """Largest number of rollouts of a batch and of the check that may follow; 0 for no candidates."""
-        options, scenarios = self.problem.options, len(self.cutting.scenarios)
-        if not candidates:
-            return 0
-        if len(self.problem.objectives) > 1:
-            return candidates * scenarios
-        rounds = [(0, 0), *halving_rounds(candidates, scenarios)]
-        batch = sum(racing * (after - before) for (_, before), (racing, after) in pairwise(rounds))
-        return batch + (options.chunk if self.problem.ensemble else 0)
 
     def _alternating(self) -> list[int]:
         """Numbers of draws and cuts in turn, the cuts with the least slack at the last leader first."""

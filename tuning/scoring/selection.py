@@ -147,11 +147,11 @@ class Certification:
             leader = self._evaluator.leader()
             if leader and leader.passed and leader is not self.start:
                 self._examine(leader, budget)
-        return self._allowed(budget, self.options.generation)
+        return self._allowed(budget, batches=1)
 
-    def _allowed(self, budget: SelectionBudget, trials: int = 0) -> bool:
-        """Whether a budget allows a certificate without a violation, after a batch of so many trials more."""
-        rollouts = self._next.draws_of_stage(0) + self._evaluator.rollouts_of(trials)
+    def _allowed(self, budget: SelectionBudget, batches: int = 0) -> bool:
+        """Whether a budget allows a certificate without a violation, after some batches as large as the largest."""
+        rollouts = self._next.draws_of_stage(0) + batches * self._evaluator.largest_batch
         return budget.allows(self._evaluator.meter, rollouts, self.options.machines)
 
     def run(self, budget: SelectionBudget, search_on: Callable[[], None] = nothing) -> Examination | None:
@@ -172,7 +172,7 @@ class Certification:
             passed = self._examine(entry, budget).certificate.satisfied
             if entry is self.start:
                 break
-            if not passed and self._allowed(budget, self.options.generation):
+            if not passed and self._allowed(budget, batches=1):
                 search_on()
         return self.certified
 
