@@ -125,7 +125,7 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     best, report = (tmp_path / "best.toml").read_text(), (tmp_path / "report.html").read_text(encoding="utf-8")
     headline, brief = printed.splitlines()[0], "the loop with these gains is unstable at small amplitudes"
     sentence = f"{brief.capitalize()}."
-    assert f". {sentence} " in headline
+    assert f". {sentence}" in headline
     assert f"\nnote: {words}\n" in printed
     assert f"# {headline}\n" in best
     assert f"# note: {words}\n" in best
