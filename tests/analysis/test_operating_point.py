@@ -78,8 +78,3 @@ def test_many_points_of_the_plant_are_sent_to_the_sweep(of: Callable[..., object
 def test_what_else_is_wrong_is_named(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigurationError, match=f"^{words}"):
         dw.linearise(dw.case(2), 1, **arguments)
-
-
-def test_an_array_of_one_number_is_that_number() -> None:
-    one: Any = np.array([3.0])
-    assert dw.operating_point(dw.case(2), one, force=one) == dw.operating_point(dw.case(2), 3, force=3)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dualwinch.analysis.preload import Preloads, optimal_preload, preloads
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -22,12 +21,6 @@ def found() -> Preloads:
 def test_the_runs_are_those_of_the_experiment_with_other_preloads(found: Preloads) -> None:
     assert found.scheduled.metrics == simulate(SCHEDULED).metrics
     assert found.constant.metrics == simulate(case(4)).metrics
-
-
-def test_their_figure_names_all_of_them(found: Preloads) -> None:
-    (legend,) = found.plot().legends
-    words = " ".join(text.get_text() for text in legend.get_texts())
-    assert all(name in words for name in (*found.runs, "optimum"))
 
 
 @pytest.mark.slow
@@ -95,8 +88,3 @@ def test_where_the_schedule_is_lost_nothing_compares_with_it() -> None:
     assert found.scheduled.outcome != "completed"
     assert found.best is None
     assert np.isnan(found.saved)
-
-
-def test_a_preload_that_is_not_scheduled_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match='"differential-tension": must be "scheduled-preload" here'):
-        preloads(case(4))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.independent.__main__ import judged, main
+from benchmarks.independent.__main__ import judged
 from benchmarks.independent.identified import gains_of
 from benchmarks.independent.judge import LOGGED, SAMPLES, Conditions, Judge, Runs
 from dualwinch.config.ensemble_file import load_ensemble
@@ -131,11 +131,3 @@ def runs(**changed: list[float]) -> Runs:
 def test_a_controller_that_takes_more_than_there_is_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="the controller takes x_ref_ahead_1; the machine has x, v, F1"):
         Judge(override(Experiment(), {"controller.kind": "mpc"}), tmp_path)
-
-
-def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(tmp_path / "best.toml")]) == 1
-    assert capsys.readouterr().err.startswith("error: ")
-    with pytest.raises(SystemExit):
-        main(["best.toml", "--runs", "0"])
-    assert "--runs 0: must be a whole number from 1" in capsys.readouterr().err

@@ -93,11 +93,3 @@ def test_the_command_prints_a_row_and_keeps_the_numbers(tmp_path: Path, capsys: 
     found = json.loads(kept.read_text())
     assert found["seeds"] == [3]
     assert len(found["rows"]["nothing"]["paper"]["mse"]) == 1
-
-
-def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--config", str(tmp_path / "best.toml")]) == 1
-    assert capsys.readouterr().err.startswith("error: ")
-    with pytest.raises(SystemExit):
-        main(["--row", "kittens"])
-    assert "--row kittens: must be one of nothing, rope mass" in capsys.readouterr().err

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.kite import GRAVITY, STIFFNESS, facts, main
+from benchmarks.kite import GRAVITY, STIFFNESS, facts
 
 
 def cycle(file: Path, noise: float) -> Path:
@@ -26,14 +26,3 @@ def test_stiffness_is_found_where_it_can_be_seen_and_not_where_it_cannot(tmp_pat
     assert plain[5] == "100%"
     assert int(noisy[5].rstrip("%")) < 5
     assert plain[2] == f"{2000 * 300 / STIFFNESS:.2f}"
-
-
-def test_the_table_has_a_column_for_each_cycle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(tmp_path)]) == 1
-    assert "no .csv file there" in capsys.readouterr().err
-    cycle(tmp_path / "a.csv", 0.0)
-    assert main([str(tmp_path)]) == 0
-    assert "| samples | 2000 |" in capsys.readouterr().out
-    (tmp_path / "b.csv").write_text("time,phase\n1,2\n")
-    assert main([str(tmp_path)]) == 1
-    assert "b.csv: no column 'ground_tether_reelout_speed'" in capsys.readouterr().err

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.observability import ALL, ERRORS, PRIOR, WITHOUT_POSITION, known_after, table
+from benchmarks.observability import ALL, ERRORS, PRIOR, WITHOUT_POSITION, known_after
 
 ZERO, SCALE, _ = PRIOR[:3]
 
@@ -32,7 +32,3 @@ def test_without_encoders_nothing_is_known_of_them_and_the_position_none_the_les
     alone = known_after(25.0, 1.8, ("position", "speed"))
     assert [alone.deviations[name] for name in ERRORS] == pytest.approx(PRIOR)
     assert alone.position < 1e-4
-
-
-def test_every_case_has_its_row() -> None:
-    assert len(table().splitlines()) == 9

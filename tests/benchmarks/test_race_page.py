@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.race_page import claims_table, facts, least, main, race_table
-from dualwinch.toolboxes.race.entries import RaceEntry
+from benchmarks.race_page import claims_table, facts, main, race_table
 from tests.toolboxes.race.made_up import made_up, scored
 
 RACE = made_up().to_dict()
@@ -28,24 +27,6 @@ def test_claims_say_who_differs_and_what_was_not_run() -> None:
     assert rows["linear surface"] == ["–", "not run"]
 
 
-def test_a_ratio_is_over_the_papers_law_whoever_is_ahead() -> None:
-    """Its error and both ends of its interval, in ascending order."""
-    for row in cells(claims_table(RACE)):
-        if row[3] != "not run":
-            estimate, ends = row[2].rstrip(")").split(" (")
-            low, high = map(float, ends.split("–"))
-            assert low < float(estimate) < high
-
-
-def test_parts_that_most_have_are_the_usual_ones() -> None:
-    found = made_up()
-    other = replace(scored("fando-nftsm", 0.9), entry=RaceEntry("fando-nftsm", "kalman", "master-slave"))
-    race = replace(found, entries=(other, *found.entries)).to_dict()
-    rows = {row[1]: row[2:] for row in cells(claims_table(race))}
-    assert rows["`master-slave`"][1] == "worse without"
-    assert rows["`force-position`"] == ["–", "not run"]
-
-
 def test_everybody_stands_in_the_table_with_the_papers_gains_last() -> None:
     rows = cells(race_table(RACE))
     assert [row[0] for row in rows] == [
@@ -62,12 +43,6 @@ def test_everybody_stands_in_the_table_with_the_papers_gains_last() -> None:
     several = replace(made_up(), entries=(*made_up().entries, again)).to_dict()
     assert "5 searches of 3000 rollouts" in facts(several)
     assert "are up to a factor of 2 apart" in facts(several)
-
-
-def test_the_least_error_is_told_without_and_with_foresight() -> None:
-    assert "feasible in all scenarios" in least(RACE)
-    found = made_up(least=4e-8, foreseeing=1e-8).to_dict()
-    assert "over all scenarios: 0.2 mm for a non-anticipating optimal controller, 0.1 mm with full" in least(found)
 
 
 def test_every_block_of_a_page_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

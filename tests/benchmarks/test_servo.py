@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from benchmarks import servo
-from benchmarks.servo import LOGS, drive, fitted, main
+from benchmarks.servo import drive, fitted
 
 MASS, COULOMB, VISCOUS, LAG = 60.0, 12.0, 150.0, 0.5e-3
 
@@ -66,28 +66,3 @@ def test_the_authors_method_finds_a_drive_without_a_lag_worth_speaking_of(tmp_pa
     assert mass == pytest.approx(MASS, rel=0.02)
     assert coulomb + viscous * 0.1 == pytest.approx(COULOMB + VISCOUS * 0.1, rel=0.03)
     assert abs(offset) < 1
-
-
-def test_the_command_says_what_it_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(tmp_path)]) == 1
-    assert f"{LOGS[0]}: is no log of this benchmark" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_table_says_what_each_fit_came_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name, pulses in zip(LOGS, (False, True), strict=True):
-        recorded(tmp_path / name, pulses=pulses)
-    document = tmp_path / "page.md"
-    document.write_text("<!-- servo: begin -->\n<!-- servo: end -->\n")
-    assert main([str(tmp_path), "--write", str(document)]) == 0
-    rows = {cells[1]: cells[2:-1] for cells in (list(map(str.strip, line.split("|"))) for line in _table(document))}
-    assert float(rows["moved mass (kg)"][2].split()[0]) == pytest.approx(MASS, rel=0.005)
-    assert rows["motor's lag (ms)"][:2] == ["", ""]
-    assert float(rows["motor's lag (ms)"][2].split()[0]) == pytest.approx(1e3 * LAG, rel=0.02)
-    unexplained = [int(cell.rstrip("%")) for cell in rows["unrecorded torque, over the recorded one"]]
-    assert unexplained[2] < unexplained[1]
-    assert capsys.readouterr().out.strip() == "\n".join(_table(document))
-
-
-def _table(document: Path) -> list[str]:
-    return [line for line in document.read_text().splitlines() if line.startswith("|")]

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
@@ -31,21 +32,29 @@ def space(*texts: str, kind: str = "fando-nftsm") -> Space:
     return space_of(dict(map(entry_from, texts)), case(4, kind))
 
 
-def test_every_search_range_is_allowed_and_holds_its_default() -> None:
+TUNABLE = {key for key, leaf in describe(Experiment).items() if leaf.tunable}
+
+
+@pytest.mark.parametrize(
+    ("kind", "estimator"), [(kind, "kalman" if kind == "fando-nftsm" else "lowpass") for kind in POSITION_LAWS]
+)
+def test_every_search_range_is_allowed_and_holds_its_default(kind: str, estimator: str) -> None:
     """The metadata beside a gain must agree with its own bounds, else the default space would be refused."""
-    found = {key: leaf for key, leaf in describe(Experiment).items() if leaf.tunable}
-    everything = {key: {} for key in found}
-    for kind in ("fando-nftsm", "pid-cascade", "super-twisting", "adrc", "lqi", "eid", "rbf-sliding-mode", "mpc"):
-        for estimator in ("lowpass", "kalman"):
-            experiment = override(case(4, kind), {"controller.estimator": estimator})
-            for key in everything:
-                try:
-                    dimension = space_of({key: {}}, experiment).dimensions[0]
-                except ConfigurationError as error:
-                    words = "has no effect", "is 0 at the start"
-                    assert any(each in str(error) for each in words)  # noqa: PT017
-                else:
-                    assert dimension.holds(dimension.start(leaves(experiment)))
+    experiment = override(case(4, kind), {"controller.estimator": estimator})
+    gains = leaves(experiment)
+    for key in TUNABLE & gains.keys():
+        try:
+            dimension = space_of({key: {}}, experiment).dimensions[0]
+        except ConfigurationError as error:
+            assert any(words in str(error) for words in ("has no effect", "is 0 at the start"))  # noqa: PT017
+        else:
+            assert dimension.holds(dimension.start(gains))
+
+
+def test_gains_of_other_parts_are_no_dimensions() -> None:
+    for key in TUNABLE - leaves(case(4)).keys():
+        with pytest.raises(ConfigurationError, match="has no effect"):
+            space_of({key: {}}, case(4))
 
 
 def test_without_entries_every_standard_gain_in_use_is_searched_with_tied_winches() -> None:

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -96,34 +94,6 @@ def test_shapes_show_nodes_rotors_and_sag() -> None:
     rotor = [float(np.asarray(line.get_ydata())[0]) for line in gear.lines if line.get_marker() == "s"][1]
     deepest = [float(np.asarray(line.get_ydata())[0]) for line in sag.lines if line.get_marker() == "v"][1]
     assert (rotor, deepest) == (1, 1)
-
-
-def test_every_mode_along_a_sweep_has_its_own_look() -> None:
-    site = load_ensemble("site").experiment.plant
-    figure = modal_frequencies(linearise_sweep([10.0, 20.0, 30.0], 0.0, 4000.0, site), "x", site, 1e-3)
-    lines = figure.axes[0].lines[:-2]  # without those of the sample rate
-    looks = {(line.get_color(), str(line.get_linestyle()), str(line._unscaled_dash_pattern)) for line in lines}  # pyright: ignore[reportAttributeAccessIssue]
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert len(lines) > 8
-    assert len(looks) == len(lines) == len(labels) - 2
-
-
-def test_shapes_of_one_name_are_numbered_and_names_have_room() -> None:
-    """With much damping in the ropes there are two decays of each drum on its rope."""
-    site = load_ensemble("site").experiment.plant
-    damped = replace(site, **{name: replace(getattr(site, name), damping=3e4) for name in ("rope_1", "rope_2")})
-    figure = mode_shapes(linearise(10.0, 0.0, 4000.0, damped), damped)
-    names = titles(figure)
-    assert names[0] == "rigid drift: position"
-    assert len({*names}) == len(names)
-    assert {"rope 1 – drum 1 (1)", "rope 1 – drum 1 (2)", "rope 2, longitudinal mode 2 (2)"} <= {*names}
-    figure.canvas.draw()
-    for axes in figure.axes:
-        if axes.get_visible():
-            (remark,) = axes.texts
-            title = axes._left_title  # pyright: ignore[reportAttributeAccessIssue]
-            assert not title.get_window_extent().overlaps(remark.get_window_extent())
-            assert not axes.get_title("right")
 
 
 def test_shapes_need_the_plants_states() -> None:

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from dualwinch.codegen.drivers.tangents import (
     JacobianProduct,
-    LinearisedGraph,
     Tangents,
     accumulated_jacobian,
     jacobian_product,
@@ -69,23 +68,7 @@ def test_accumulated_partial_derivatives_are_the_jacobian(drawn: list[float]) ->
     assert np.array(both[0]) == pytest.approx(np.array(both[1]), rel=1e-12, abs=1e-14)
 
 
-def test_a_bottleneck_stays_and_saves_products() -> None:
-    product = jacobian_product(function(), ALONG, ["following"])
-    assert product.statements()[1].startswith("EACH_VECTOR joint_0[v] = ")
-    assert sum(line.count(" * ") for line in product.statements()) < 5 + 3 + 3  # the joint's inputs, then the outputs'
-
-
 def test_what_does_not_move_is_named() -> None:
     product = jacobian_product(function(), ALONG, ["following"])
     assert product.still == {("following", 3)}
     assert product.statements()[-1] == "EACH_VECTOR following_tangent[3*VECTORS + v] = ZEROS;"
-
-
-def test_elimination_leaves_no_more_edges() -> None:
-    law = function()
-    symbols = {"state": ca.SX.sym("state", 3), "gains": ca.SX.sym("gains", 3)}
-    graph = LinearisedGraph(law, symbols, {("state", k) for k in range(3)}, ["following"])
-    before = sum(len(edges) for edges in graph.into.values())
-    graph.eliminate()
-    assert sum(len(edges) for edges in graph.into.values()) < before
-    assert len(graph.inner()) == 1

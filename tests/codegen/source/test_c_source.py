@@ -7,11 +7,9 @@ import pytest
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.rollout import rollout_source
 from dualwinch.codegen.errors import CodegenError, CodegenWarning
-from dualwinch.codegen.source.c_source import LaneLayout, c_source
-from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Style
-from dualwinch.codegen.source.statements import statements
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import CONTROLLERS, case
@@ -100,44 +98,6 @@ def test_sparse_arguments_are_refused() -> None:
     zero_below = ca.Function("zero_below", [x], [ca.vertcat(x[0], ca.SX(1, 1))], ["x"], ["y"])
     with pytest.raises(CodegenError, match="y is sparse"):
         c_source([zero_below])
-
-
-def test_each_operation_is_a_statement_in_its_order() -> None:
-    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
-    function = ca.Function("f", [x, y], [x[0] ** 2 / 3 + ca.tanh(y)], ["x", "y"], ["z"])
-    assert statements(function) == [
-        "  double a0, a1;",
-        "  a0=x[0];",
-        "  a0=(a0*a0);",
-        "  a1=3.0;",
-        "  a0=(a0/a1);",
-        "  a1=y[0];",
-        "  a1=tanh(a1);",
-        "  a0=(a0+a1);",
-        "  z[0]=a0;",
-    ]
-
-
-def test_lanes_have_their_elements_apart_and_two_of_them_interleaved() -> None:
-    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
-    function = ca.Function("f", [x, p], [x[2] * p[1]], ["x", "p"], ["y"])
-    lanes = LaneLayout(paired=True, shared=("p",), packed={"x": [0, 2]})
-    assert statements(function, lanes.style, lanes.strands)[2:] == [
-        "  a0=x[1*LANES];",
-        "  b0=x[1*LANES+LANES/2];",
-        "  a1=p[1];",
-        "  b1=p[1];",
-        "  a0=(a0*a1);",
-        "  b0=(b0*b1);",
-        "  y[0*LANES]=a0;",
-        "  y[0*LANES+LANES/2]=b0;",
-    ]
-
-
-def test_elements_that_are_read_are_known() -> None:
-    x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
-    function = ca.Function("f", [x, y], [x[2] + x[0]], ["x", "y"], ["z"])
-    assert [elements_read(function, name) for name in ("x", "y", "other")] == [{0, 2}, set(), set()]
 
 
 def test_sparse_outputs_are_written_in_full() -> None:

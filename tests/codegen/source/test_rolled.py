@@ -2,7 +2,6 @@
 
 import ctypes
 import subprocess
-import sys
 from pathlib import Path
 
 import casadi as ca
@@ -12,7 +11,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.source.loops import Loop, _distances, loops, rolled_statements
+from dualwinch.codegen.source.loops import loops, rolled_statements
 from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.statements import statements
 from tests.tiers import examples
@@ -89,23 +88,3 @@ def test_what_does_not_repeat_itself_is_left_alone() -> None:
     function = ca.Function("sines", [x], [ca.sin(x)], ["x"], ["y"])
     assert loops(function) == []
     assert rolled_statements(function, Style()) == statements(function, Style())
-
-
-def test_a_loop_knows_where_its_instructions_are() -> None:
-    loop = Loop(start=10, length=4, rounds=3)
-    assert (loop.end, loop.saved) == (22, 8)
-    assert [loop.place(index) for index in (9, 10, 17, 21)] == [(3, -1), (0, 0), (3, 1), (3, 2)]
-
-
-@given(st.sets(st.integers(0, 199), min_size=2))
-def test_distances_are_counted_exactly(positions: set[int]) -> None:
-    """By pairs where they are few, by an autocorrelation where they are many."""
-    there = np.array(sorted(positions))
-    apart = (there[None, :] - there[:, None]).ravel()
-    assert (_distances(there, 200) == np.bincount(apart[apart > 0], minlength=200)).all()
-
-
-def test_the_emitter_does_without_scipy() -> None:
-    """Whose import takes longer than most commands."""
-    asked = "import sys, dualwinch.codegen.source.c_source; sys.exit('scipy' in sys.modules)"
-    subprocess.run([sys.executable, "-c", asked], check=True)

@@ -1,23 +1,20 @@
 import json
 import re
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from dualwinch.cli import main
 from dualwinch.cli.compare import controllers, short_names
 from dualwinch.cli.options import ExperimentOptions, other_ensemble, other_machine, sizes_of_ensemble
-from dualwinch.cli.output import json_text, table_of_columns
+from dualwinch.cli.output import json_text
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.figures import FigureColumn, FigureTable
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch import authority
 from dualwinch.simulation.ensembles.comparison import Comparison
@@ -91,16 +88,6 @@ def test_compare_writes_statistics_and_figure(calm: Path, tmp_path: Path, capsys
 )
 def test_tables_show_what_sets_files_apart(names: list[str], shown: list[str]) -> None:
     assert list(short_names(names).values()) == shown
-
-
-def test_numbers_are_whole_on_a_narrow_terminal_however_long_names_are() -> None:
-    columns = [FigureColumn("name", ""), FigureColumn("mse", "m^2", form=".4g"), FigureColumn("peak", "N", form=".4g")]
-    rows = [[f"a/long/way/to/the/file/number-{number}/of/gains.toml", 1.234e-9, 5999.0] for number in range(3)]
-    file = StringIO()
-    Console(width=60, file=file).print(table_of_columns(FigureTable("statistics", columns, rows)))
-    said = file.getvalue()
-    assert said.count("1.234e-09") == said.count("5999") == 3
-    assert "…" not in said
 
 
 def test_only_the_controller_of_a_file_counts(calm: Path) -> None:

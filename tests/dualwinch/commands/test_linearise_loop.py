@@ -93,37 +93,6 @@ def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
     assert len(set(names)) == len(names)
 
 
-@pytest.mark.parametrize("columns", ["80", "120"])
-def test_names_break_behind_dots_and_underscores_alone(
-    columns: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", columns)
-    out = tmp_path / "loop.json"
-    main(["linearise", "--loop", "closed", "--ensemble", "site", "--out", str(out)])
-    printed = capsys.readouterr().out.partition("\nmodes")[2].partition("\nspectral radius")[0]
-    headings = [
-        "mode",
-        "eigenvalue",
-        "Hz",
-        "damping",
-        "decay",
-        "s",
-        "unstable",
-        "deadbeat",
-        "participation",
-        "of",
-        "the",
-        "states",
-    ]
-    found = json.loads(out.read_text())
-    words = {word.strip(",:") for row in found["figures"]["modes"]["rows"] for word in row["mode"].split()}
-    pieces = [re.findall(r"[^._]+[._]?", word) for word in words.union(found["states"], headings)]
-    parts = {"".join(each[i:j]) for each in pieces for i in range(len(each)) for j in range(i + 1, len(each) + 1)}
-    names = set(re.findall(r"(?<![\w.])[A-Za-z][\w.]*", printed))
-    assert len(names) > 40
-    assert names <= parts
-
-
 @pytest.mark.parametrize("loop", all_but(["open"], ["closed", "open"]))
 def test_what_a_filter_learns_of_the_ropes_is_held(
     loop: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -29,37 +29,6 @@ def test_simulate_writes_data_and_figure(tmp_path: Path, capsys: pytest.CaptureF
     assert "wrote" in capsys.readouterr().err
 
 
-def test_both_engines_print_the_same(capsys: pytest.CaptureFixture[str]) -> None:
-    said = []
-    for engine in ("compiled", "interpreter"):
-        main(["simulate", "--case", "3", "--engine", engine, *SHORT])
-        said.append(capsys.readouterr().out)
-    assert said[0] == said[1]
-
-
-def test_a_file_says_the_engine_and_the_option_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "run.toml"
-    file.write_text('[simulation]\nduration = 0.3\nengine = "interpreter"\n')
-    outs = {}
-    for name, words in {
-        "file": (),
-        "option": ("--engine", "compiled"),
-        "interpreter": ("--engine", "interpreter"),
-    }.items():
-        outs[name] = tmp_path / f"{name}.csv"
-        main(["simulate", "--config", str(file), *words, "--out", str(outs[name])])
-    rows = {name: out.read_text().split("\n")[-20:] for name, out in outs.items()}
-    assert rows["file"] == rows["interpreter"] != rows["option"]
-    capsys.readouterr()
-    file.write_text('[simulation]\nengine = "casady"\n')
-    with pytest.raises(SystemExit):
-        main(["simulate", "--config", str(file)])
-    said = capsys.readouterr().err.strip()
-    assert "\n" not in said
-    assert 'simulation.engine = "casady"' in said
-    assert all(engine in said for engine in ("compiled", "casadi", "interpreter"))
-
-
 def test_config_is_read_back_by_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["config", "--case", "3", *SHORT])
     file = tmp_path / "case3.toml"

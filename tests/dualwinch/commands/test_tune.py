@@ -45,12 +45,6 @@ def dualwinch(*words: object) -> int:
     return 0
 
 
-@pytest.fixture
-def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its figures take seconds."""
-    monkeypatch.setattr("dualwinch.reports.tuning.write_tuning_report", lambda *_: None)
-
-
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
@@ -184,16 +178,6 @@ def test_the_report_compares_in_the_file_of_an_ensemble_of_ones_own(
     assert f"--ensemble '{mine}'" in following
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert f"{following} --seed 1000" in unescape(report)
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_choice_of_more_rollouts_than_the_search_is_said_to_be_in_the_last_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert dualwinch("tune", *SHORT, "--trials", 4, "--constraint", "none", "--out", tmp_path) == 0
-    cost = json.loads((tmp_path / "study.json").read_text())["cost"]
-    words = f"{cost['judging_rollouts']} of them for choosing and scoring"
-    assert f"\n{cost['rollouts']} rollouts, {words}; " in capsys.readouterr().out
 
 
 def test_a_deterministic_study_with_several_objectives_has_a_front(

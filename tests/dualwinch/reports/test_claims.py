@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from dualwinch.reports.claims import claims, converged_at
-from dualwinch.reports.reproduction import remarks
 from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.results.result import Result
 
@@ -52,11 +51,6 @@ def test_verdicts_turn_with_the_runs(runs: Runs) -> None:
     assert [claim.verdict for claim in claims(turned)] == verdicts
 
 
-def test_what_rests_on_assumed_gains_is_said(runs: Runs) -> None:
-    here = claims(runs, {2.5: -0.558})[4].here
-    assert "assumed L₀ = K_f = 5 1/s (A9): with 2.5 1/s the mean changes by −55.8 %." in here
-
-
 def test_runs_that_are_missing_or_did_not_end_tell_nothing(runs: Runs) -> None:
     assert claims({}) == []
     assert claims({(4, "nftsm"): runs[4, "nftsm"]}) == []
@@ -72,15 +66,3 @@ def test_a_run_has_converged_where_it_stays(runs: Runs) -> None:
     outside = np.abs(runs[1, "pid-cascade"]["e"]) > 0.2
     assert outside[late - 1]
     assert not outside[late:].any()
-
-
-def test_captions_say_what_their_figures_draw(runs: Runs) -> None:
-    def drawn(number: int) -> dict[str, Result]:
-        return {kind: runs[number, kind] for kind in CONTROLLERS}
-
-    assert remarks("error", drawn(1)) == ["At the scale of the whole run the lines of FANDO-NFTSM and NFTSM coincide."]
-    assert remarks("error", drawn(4)) == ["There, PID cascade is off the panel; its range is given in words."]
-    assert remarks("trajectory", drawn(2)) == [
-        "At the scale of the whole run the lines of FANDO-NFTSM, NFTSM and PID cascade coincide."
-    ]
-    assert remarks("tensions", {"nftsm": runs[1, "nftsm"]}) == []

@@ -11,7 +11,6 @@ import pytest
 
 from dualwinch.model.quantities.description import describe
 from dualwinch.reports.errata import NOTES, errata_markdown
-from dualwinch.reports.page import number_text
 from dualwinch.reports.reproduction import summary, write_report
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CONTROLLERS
@@ -141,26 +140,6 @@ def test_a_run_that_diverged_is_said_so_and_never_best(runs: Runs, tmp_path: Pat
 def test_reports_are_the_same_every_time(runs: Runs, tmp_path: Path) -> None:
     first, second = (render_report(runs, {21: PNG}, "a", VERSIONS, tmp_path) for _ in range(2))
     assert first == second
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.0, "0"),
-        (6.4, "6.40"),
-        (0.0999999, "0.100"),
-        (99.96, "100"),
-        (20935.3, "20900"),
-        (99999.9, "100000"),
-        (1.2166e6, "1.22·10<sup>6</sup>"),
-        (9.2516e-4, "9.25·10<sup>−4</sup>"),
-        (-5.8, "−5.80"),
-        (np.nan, "–"),
-        (np.inf, "–"),
-    ],
-)
-def test_numbers_have_three_digits(value: float, text: str) -> None:
-    assert number_text(value) == text
 
 
 def test_errata_table_is_complete_and_true() -> None:

@@ -10,7 +10,6 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Uniform
-from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -168,9 +167,3 @@ def test_an_experiment_is_made_where_it_is_asked_for() -> None:
     assert scenario.base is SEA.experiment
     assert {key: leaves(scenario.experiment)[key] for key in scenario.draws} == scenario.draws
     assert scenario.experiment is scenario.experiment
-
-
-def test_a_result_prints_as_a_line() -> None:
-    text = repr(run_ensemble(load_ensemble("sea"), 2, 1))
-    assert text.startswith("EnsembleResult(sea: 2 scenarios of seed 1; 2 completed; mean.mse = ")
-    assert len(text) < 200

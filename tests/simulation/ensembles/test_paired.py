@@ -53,15 +53,6 @@ def test_portions_and_threads_change_no_bit(sea: Ensemble) -> None:
         np.testing.assert_array_equal(values, results[1].metrics[metric])
 
 
-def test_a_prompt_shows_a_line_for_each(sea: Ensemble) -> None:
-    result = compare({"paper": paper_controller(), "other": stronger()}, sea, 5, 3)
-    heading, paper, other = repr(result).splitlines()
-    assert heading == "Comparison in 5 scenarios of 'sea', seed 3:"
-    assert paper.startswith(f"  paper: mean MSE {result.contenders['paper'].metrics['mse'].mean():.3g} m², chatter ")
-    ratio = result.contenders["other"].metrics["mse"].mean() / result.contenders["paper"].metrics["mse"].mean()
-    assert other.endswith(f"; {ratio:.3g} times the MSE of paper")
-
-
 def test_a_controller_over_itself_is_one(sea: Ensemble) -> None:
     result = compare({"a": paper_controller(), "b": paper_controller()}, sea, 4, 0)
     for pair in result.paired("b").values():

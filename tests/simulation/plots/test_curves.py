@@ -12,7 +12,7 @@ from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.style import BLUE, DASHES, PALETTE, VERMILION
+from dualwinch.simulation.plots.style import BLUE, DASHES, PALETTE
 from dualwinch.simulation.results.figures import curves
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
@@ -55,12 +55,6 @@ def test_results_alone_are_labelled_by_their_laws_and_made_distinct(two: list[Re
     assert [run.result for run in curves([*two, nftsm])] == [*two, nftsm]
 
 
-def test_any_label_will_do(two: list[Result]) -> None:
-    labels = (4, ("case", 4), "nftsm", "fando-nftsm", "")
-    drawn = curves(dict.fromkeys(labels, two[0]))
-    assert [run.label for run in drawn] == ["4", "('case', 4)", "nftsm", "FANDO-NFTSM", ""]
-
-
 def test_every_law_keeps_its_colour_and_line_style_beside_others_of_its_kind(two: list[Result]) -> None:
     laws = {kind: ran(kind=kind) for kind in POSITION_LAWS}
     drawn = curves({"mine": two[0], "yours": two[1]} | laws)
@@ -79,12 +73,6 @@ def test_many_runs_of_one_law_all_look_different(two: list[Result]) -> None:
     assert len({run.colour for run in few}) == len(few)
     assert len({str(run.dashes) for run in drawn[: len(DASHES)]}) == len(DASHES)
     assert len(curves([two[0]] * (len(drawn) + 3))) == len(drawn) + 3
-
-
-def test_runs_keep_the_order_they_are_given_in(two: list[Result]) -> None:
-    runs = {"nftsm": ran(kind="nftsm"), "fando-nftsm": two[0]}
-    assert [run.label for run in curves(runs)] == ["NFTSM", "FANDO-NFTSM"]
-    assert [run.colour for run in curves(runs)] == [VERMILION, BLUE]
 
 
 def test_runs_of_different_cases_share_an_axis_that_holds_them_all() -> None:

@@ -112,12 +112,6 @@ def test_every_figure_draws_into_given_axes(name: str) -> None:
     plots.encode(mine, ".png")
 
 
-@pytest.mark.parametrize("name", ["overview", "lyapunov", "fan chart", "comparison"])
-def test_a_result_draws_its_figure(name: str) -> None:
-    (result,) = arguments_of(name)
-    assert plots.encode(result.plot(), ".png") == plots.encode(FIGURES[name][0](result), ".png")
-
-
 @pytest.mark.parametrize("name", all_but([*FIGURES][::4], FIGURES))
 def test_fewer_axes_get_the_first_panels(name: str) -> None:
     draw, _, count = FIGURES[name]
@@ -139,14 +133,6 @@ def test_the_legend_stands_in_the_first_of_given_axes() -> None:
     assert [text.get_text() for text in legend.get_texts()] == ["a", "b", "reference", "steady state"]
     assert second.get_legend() is None
     assert first.get_xlabel() == second.get_xlabel() == "time (s)"
-
-
-def test_axes_of_a_part_of_a_figure() -> None:
-    whole = Figure(layout="constrained")
-    left, right = np.ravel(np.asarray(whole.subfigures(1, 2)))
-    assert plots.error(runs(), ax=right.subplots(3)) is whole
-    assert not left.axes
-    plots.encode(whole, ".svg")
 
 
 @pytest.mark.parametrize("wrong", [3, "axes", [], [None], Figure()])

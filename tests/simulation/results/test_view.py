@@ -81,18 +81,6 @@ def test_what_is_shown_is_escaped_and_may_be_empty(run: Result) -> None:
     assert "script" not in re.findall(r"<(\w+)", odd._repr_html_())
 
 
-def test_figures_of_merit_alone(run: Result) -> None:
-    rows = Reader(run.metrics._repr_html_()).rows
-    assert rows[0] == ["figure of merit", "value", "unit", "meaning"]
-    assert len(rows) == 1 + len(vars(run.metrics))
-
-
-def test_figures_of_merit_print_as_plain_numbers_with_units(run: Result) -> None:
-    text = str(run.metrics)
-    assert f"max_abs_error = {1e3 * run.metrics.max_abs_error:.3g} mm, " in text
-    assert "np.float64" not in text
-
-
 def test_a_linear_system_shows_its_matrix_with_names() -> None:
     plant = linearise(x=10, v=1.8)
     read = Reader(plant._repr_html_())

@@ -28,26 +28,6 @@ def test_a_pair_is_the_inverse_of_the_other_way_round() -> None:
     assert there.corrected == back.corrected
 
 
-def test_a_prompt_and_a_notebook_show_the_table_and_the_rule() -> None:
-    headings, rows = FOUND.table()
-    assert all(len(row) == len(headings) for row in rows)
-    assert [row[0] for row in rows][0::4] == ["1. adrc", "the paper's gains"]
-    assert [row[-1] for row in rows] == ["2", "1", "–", "–", ""]
-    assert "violated: worst.peak_tension <= 6000 N" in rows[2]
-    shown = repr(FOUND)
-    assert "4 entries, 3000 rollouts of 'rig' each, scored in 40 test scenarios, seed 5" in shown
-    assert "Holm's correction over all pairs" in shown
-    assert "1. adrc" in FOUND._repr_html_()
-
-
-def test_the_least_error_is_told_where_there_is_one() -> None:
-    assert any("feasible in all scenarios" in note for note in FOUND.notes())
-    bound = made_up(least=4e-8, foreseeing=1e-8)
-    assert any(
-        "0.2 mm for a non-anticipating optimal controller, 0.1 mm with full foresight" in note for note in bound.notes()
-    )
-
-
 def test_ablations_are_compared_with_the_whole_law() -> None:
     rows = {row[0]: row[1:] for row in FOUND.ablations()}
     assert set(rows) == {"without observer", "constant observer gain"}
@@ -90,12 +70,6 @@ def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() ->
     assert [found.pairs[0].corrected < 1e-9 for found in (apart, overlapping)] == [True, True]
     assert [found.pairs[0].differ for found in (apart, overlapping)] == [True, False]
     assert overlapping.not_different(overlapping.ranking[0].entry.key) == (overlapping.ranking[1].entry.key,)
-
-
-def test_what_breaks_first_is_shown_where_it_was_looked_for() -> None:
-    assert FOUND.stress_rows() == []
-    first = replace(FOUND.entries[1], stress=({"label": "drums", "size": "2×", "violated": "MSE"},))
-    assert replace(FOUND, entries=(first,)).stress_rows() == [["adrc", "drums", "2×", "MSE"]]
 
 
 def test_json_says_all_of_it() -> None:

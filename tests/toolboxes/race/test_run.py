@@ -1,7 +1,6 @@
 """A small race: the same if it is interrupted, its numbers those of a comparison, no one below the least error."""
 
 import json
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,13 +9,11 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.toolboxes.race.race import CHECKPOINTS, EntryTask, run_race
 from dualwinch.toolboxes.race.result import RaceResult
 from dualwinch.toolboxes.race.scores import COSTS
-from dualwinch.tuning.scoring.progress import CERTIFYING, SCORING
 from tests.killed import killed_after, written
 from tests.simulation.batch.test_workers import Remote
 from tests.toolboxes.race.conftest import MakeRace
@@ -52,15 +49,6 @@ def finished(make_race: MakeRace) -> Finished:
         statuses.append(status)
 
     return Finished(entrants, run_race(entrants, progress=noted), shares, phases, statuses)
-
-
-@pytest.mark.slow
-def test_the_steps_of_the_choice_are_reported_as_those_of_one_study(finished: Finished) -> None:
-    for words in (CERTIFYING, SCORING):
-        assert f"1 of 2, nftsm: {words}" in finished.phases
-    numbered = [status for status in finished.statuses if status]
-    assert all(re.match(r"[12] of 2, (nftsm|adrc): certifying: ", status) for status in numbered)
-    assert any(re.search(r" fresh draws, \d+ %$", status) for status in numbered)
 
 
 def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(finished: Finished, tmp_path: Path) -> None:
@@ -176,11 +164,6 @@ def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
         errors = runs.metrics["mse"][runs.completed]
         assert (errors >= least[runs.completed]).all()
     assert "3 of the scenarios are infeasible" in repr(found)
-
-
-def test_a_number_out_of_range_is_refused(make_race: MakeRace) -> None:
-    with pytest.raises(ConfigurationError, match="test_scenarios = 1: must be a whole number >= 2"):
-        make_race(test_scenarios=1)
 
 
 def test_who_did_not_run_everything_to_its_end_is_behind(finished: Finished) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers import batch
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.controllers.controller import Controller
@@ -101,27 +100,6 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
     monkeypatch.setattr(batches, "run_grid", interrupted)
     with pytest.raises(KeyboardInterrupt):
         breakdowns(*words, scenarios=2, seed=0)
-
-
-@pytest.mark.slow
-def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Side by side: whatever of it is left over would be compiled while nothing else is done."""
-    base, compiled, before = sea(), [], []
-    whole, loaded = batches.run_grid, batch.loaded
-
-    def compiling(*words: Any, **signatures: str) -> Any:
-        compiled.append(words)
-        return loaded(*words, **signatures)
-
-    def counted(scenarios: np.ndarray, **options: Any):
-        before.append(len(compiled))
-        return whole(scenarios, **options)
-
-    monkeypatch.setattr(batch, "loaded", compiling)
-    monkeypatch.setattr(batches, "run_grid", counted)
-    text = DRUMS + "[sensors]\nposition_drift = 1e-3\n[simulation]\njitter = 1e-4\n"
-    breakdowns({"paper": paper_controller()}, base, of(text, base), (), scenarios=2, seed=0)
-    assert set(before) == {len(compiled)}
 
 
 def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pytest.MonkeyPatch) -> None:

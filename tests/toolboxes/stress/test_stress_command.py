@@ -72,33 +72,6 @@ def test_stress_prints_a_table_and_writes_json_and_figure(
     assert (out / "stress.svg").read_text().startswith("<?xml")
 
 
-def test_the_papers_own_gains_stand_alone(drums: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["stress", "--case", "2", "--ensemble", str(drums), "--base", "none", *SHORT, "--constraint", "none"])
-    said = capsys.readouterr().out
-    assert "case 2 breaks at" not in said
-    assert "paper breaks at" in said
-    assert "Must hold: every run completed\n" in said
-
-
-def test_gains_tuned_in_neither_ensemble_are_said(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    gains.write_text(f"# ensemble: site\n{gains.read_text()}")
-    drums.write_text(DRUMS)  # in the sea; what more there is would be compiled for this alone
-    main(["stress", str(gains), "--ensemble", str(drums), "--base", "sea", *SHORT])
-    assert "tuned in 'site', judged in 'sea' with 'drums'; " in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("tuned_in", "said"), [("site", "tuned in 'site', judged in 'drums'; "), ("none", ""), ("drums", "")]
-)
-def test_without_a_base_gains_tuned_elsewhere_are_said_too(
-    tuned_in: str, said: str, drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    gains.write_text(f"# ensemble: {tuned_in}\n{gains.read_text()}")
-    main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT])
-    printed = capsys.readouterr().err
-    assert (said in printed) if said else ("tuned in" not in printed)
-
-
 def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT])
     printed = capsys.readouterr().out
