@@ -19,8 +19,6 @@ from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.simulate import simulate
-from tests.conftest import PaperRun
 
 T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
 SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
@@ -121,14 +119,3 @@ def test_the_gain_has_derivatives() -> None:
     slope = np.array(ca.Function("slope", [position], [ca.jacobian(gain, position)])(2e-3)).ravel()
     above, below = (np.array(Lqi(position=2e-3 + change).gain(T)) for change in (1e-7, -1e-7))
     assert slope == pytest.approx((above - below) / 2e-7, rel=1e-5)
-
-
-@pytest.mark.parametrize("number", [2, 4])
-def test_it_tracks_well_and_does_not_chatter(number: int, paper_run: PaperRun) -> None:
-    """Steady mean |e|, Case 4: 0.19 mm, PID cascade 165 mm, both with the gains they come with."""
-    result, paper = simulate(case(number, "lqi")), paper_run(number, "fando-nftsm")
-    assert result.outcome == "completed"
-    assert result.metrics.slack_share == 0
-    assert result.metrics.steady_mae < 0.25e-3
-    assert result.metrics.max_abs_error < 0.6e-3
-    assert result.metrics.chatter < 1.1 * paper.metrics.chatter

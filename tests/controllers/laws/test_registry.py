@@ -9,6 +9,7 @@ from dualwinch.controllers.parts import Context, Estimate, PositionOutput
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
+from tests.conftest import PaperRun
 
 kinds = st.sampled_from(list(POSITION_LAWS))
 
@@ -47,3 +48,26 @@ def test_a_kind_is_its_name_in_the_registry_and_figures_tell_them_apart() -> Non
     laws = POSITION_LAWS.values()
     assert [law.kind for law in laws] == list(POSITION_LAWS)
     assert len({law.label for law in laws}) == len({law.colour for law in laws}) == len(laws)
+
+
+@pytest.mark.parametrize("number", [2, 4])
+@pytest.mark.parametrize(
+    ("kind", "steady", "largest"),
+    [
+        ("adrc", 1e-3, 2e-3),
+        ("eid", 0.3e-3, 0.7e-3),
+        ("lqi", 0.25e-3, 0.6e-3),
+        ("rbf-sliding-mode", 0.3e-3, 0.7e-3),
+        ("super-twisting", 0.2e-3, 0.5e-3),
+    ],
+)
+def test_laws_beside_the_papers_track_well_and_do_not_chatter(
+    kind: str, steady: float, largest: float, number: int, paper_run: PaperRun
+) -> None:
+    """Steady mean |e|, Case 4: 0.54, 0.26, 0.19, 0.26, 0.095 mm; FANDO-NFTSM 3.7 mm; with the gains they come with."""
+    result, paper = paper_run(number, kind), paper_run(number, "fando-nftsm")
+    assert (result.outcome, result.metrics.slack_share) == ("completed", 0)
+    assert result["F1"].min() >= 199
+    assert result.metrics.steady_mae < steady
+    assert result.metrics.max_abs_error < largest
+    assert result.metrics.chatter < 1.1 * paper.metrics.chatter
