@@ -11,7 +11,6 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.tiers import each_choice
 
 BARE = {
     "plant.vehicle.drag_coefficient": 0.0,
@@ -36,11 +35,16 @@ def test_without_a_chance_to_catch_up_it_is_what_full_force_leaves(anticipating:
     assert least_mse(experiment, anticipating=anticipating) == pytest.approx(expected, rel=0.05)
 
 
-@pytest.mark.parametrize(("law", "coordination"), each_choice(POSITION_LAWS, COORDINATIONS))
-def test_no_controller_gets_below_its_line(law: str, coordination: str) -> None:
+@pytest.mark.parametrize(
+    ("key", "kind"),
+    [
+        *(("controller.kind", law) for law in POSITION_LAWS),
+        *(("controller.coordination.kind", coordination) for coordination in COORDINATIONS),
+    ],
+)
+def test_no_controller_gets_below_its_line(key: str, kind: str) -> None:
     """The line of what it sees: with a preview of the reference, that of foresight."""
-    lacking = {"controller.coordination.tension_max": 4500.0, "controller.coordination.kind": coordination}
-    experiment = override(case(4, law), lacking)
+    experiment = override(case(4), {"controller.coordination.tension_max": 4500.0, key: kind})
     line = _line(bool(experiment.controller.preview))
     run = simulate(experiment, stride=0)
     assert run.outcome == "completed"

@@ -26,6 +26,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.last_bit import LAST_BIT, SEEDS, perturbed
 from tests.own_ropes import Bedding, Stiffening
+from tests.tiers import all_but
 
 
 @pytest.mark.parametrize("integrator", ["adaptive", "exponential", "rk4"])
@@ -179,9 +180,9 @@ def test_the_limit_of_verlet_is_that_of_its_matrix(values: Mapping[str, float]) 
     assert min(growth(plant, 1.01 * limit)) > 1.01
 
 
-@pytest.mark.parametrize("values", STIFF.values(), ids=STIFF)
-def test_stability_limits_do_not_hang_on_the_last_bit(values: Mapping[str, float]) -> None:
-    experiment = both(case(4), **values)
+@pytest.mark.parametrize("name", all_but([*STIFF][::4], STIFF))
+def test_stability_limits_do_not_hang_on_the_last_bit(name: str) -> None:
+    experiment = both(case(4), **STIFF[name])
     for integrator in ("verlet", "rk4"):
         rates = swing_rates(experiment.plant, integrator, experiment.controller.limits)
         for seed in SEEDS:
