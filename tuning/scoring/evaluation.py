@@ -85,9 +85,9 @@ def halving_rounds(candidates: int, scenarios: int) -> list[tuple[int, int]]:
 class Evaluator(Scorer):
     """Evaluates the candidates of a search batch by batch (steps 1 to 3 of `tuning.scoring.selection`).
 
-    1. Run all candidates of a batch in few scenarios, half of them cuts, the better half of these in twice as many, and
-       so on (successive halving; Jamieson and Talwalkar, AISTATS 2016).
-    2. Run the last two in all draws and cuts, and compute their stability margins in the active loops.
+    1. Compute the stability margins of all candidates of a batch in the active loops: they count in the race.
+    2. Run all in few scenarios, half of them cuts, the better half in twice as many, and so on, the last two in all
+       draws and cuts (successive halving; Jamieson and Talwalkar, AISTATS 2016).
     3. Bring the leader of all candidates so far up to date with the cuts, and check it in fresh draws and on fresh
        machines while checks are below their share of the rollouts. What violates a bound becomes a cut.
 
