@@ -31,8 +31,8 @@ from dualwinch.cli.sweep import sweep
 from dualwinch.cli.tune import tune
 from dualwinch.codegen.files import WRITTEN
 
-DONE, FAILED, WRONG_INPUT = 0, 1, 2
-"""Exit codes."""
+DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
+"""Exit codes; that of an interrupt as shells have it."""
 
 app = App(
     name="dualwinch",
@@ -225,7 +225,7 @@ def main(arguments: list[str] | None = None) -> None:
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)
     except KeyboardInterrupt as error:
-        _fail(f"interrupted; {error if error.args else _kept(written)}", FAILED)
+        _fail(f"interrupted; {error if error.args else _kept(written)}", INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(128 + signal.SIGPIPE) from None

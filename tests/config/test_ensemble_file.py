@@ -356,7 +356,7 @@ def test_an_interrupt_writes_what_was_finished(
 
     monkeypatch.setattr(run, "rollout", interrupted)
     out = tmp_path / "sea.json"
-    assert dualwinch("simulate", *SHORT, "--out", out) == 1
+    assert dualwinch("simulate", *SHORT, "--out", out) == 130
     said = capsys.readouterr()
     assert "3 of 6 scenarios were finished and are kept" in said.out
     assert said.err.splitlines()[-1].startswith(f"dualwinch: error: interrupted; {out} had been written")

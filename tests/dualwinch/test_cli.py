@@ -115,7 +115,7 @@ def test_an_interrupt_before_anything_is_written_says_so(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("dualwinch.simulation.simulate.simulate", interrupted)
-    error = refused("simulate", "--out", str(tmp_path / "run.csv"), code=1)
+    error = refused("simulate", "--out", str(tmp_path / "run.csv"), code=130)
     assert error == "dualwinch: error: interrupted; nothing was written"
 
 
@@ -146,7 +146,7 @@ def test_an_interrupt_leaves_no_half_written_file(tmp_path: Path) -> None:
     process = subprocess.run(program, stderr=subprocess.PIPE, text=True, check=False)
     error = process.stderr
     assert (tmp_path / "figures" / "figure09.png").exists()
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert "interrupted; " in error.splitlines()[-1]
     assert " more had been written before, and are complete" in error.splitlines()[-1]
     assert "Traceback" not in error

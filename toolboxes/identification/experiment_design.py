@@ -223,6 +223,7 @@ class ExcitationDesign(UncertainEstimates):
         tried: number of simulated motions.
         seed: of the search.
         seconds: wall time.
+        interrupted: whether an interrupt ended the search; then this is the best motion up to there.
     """
 
     experiment: Experiment
@@ -232,6 +233,7 @@ class ExcitationDesign(UncertainEstimates):
     tried: int
     seed: int
     seconds: float
+    interrupted: bool = False
 
     @property
     def present_deviations(self) -> Floats:
@@ -377,11 +379,12 @@ def excite(
 
     Returns:
         The experiment with that motion, and its expected standard deviations compared with those of its own motion.
+        After an interrupt (Ctrl-C), the best of the complete generations.
 
     Raises:
         ConfigurationError: a key, prior or limit out of range, or no motion within the limits.
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted.
+        KeyboardInterrupt: interrupted before a motion within the limits was found.
 
     Example:
         >>> import dualwinch as dw
@@ -413,7 +416,7 @@ def excite(
     strategy = cmaes.CMA(np.full(size, 0.5), search.sigma, np.tile([0.0, 1.0], (size, 1)), seed=seed)
     nothing = ExpectedCovariance(None, np.inf, "no time for any motion")
     best: tuple[float, references.Reference | None, ExpectedCovariance] = (np.inf, None, nothing)
-    tried = 0
+    tried, interrupted = 0, False
 
     def evaluate(point: Floats) -> tuple[float, references.Reference | None, ExpectedCovariance]:
         reference, there = motion_of(point, limits, duration, search), nothing._replace(violation=2.0)
@@ -423,7 +426,13 @@ def excite(
 
     while (trials is None or tried < trials) and (seconds is None or perf_counter() - began < seconds or not tried):
         points = [strategy.ask() for _ in range(strategy.population_size)]
-        found = executors.map_all(evaluate, points, threads)
+        try:
+            found = executors.map_all(evaluate, points, threads)
+        except KeyboardInterrupt:
+            if best[2].covariance is None:
+                raise
+            interrupted = True
+            break
         strategy.tell([(point, each[0]) for point, each in zip(points, found, strict=True)])
         best, tried = min([best, *found], key=lambda each: each[0]), tried + len(points)
         spent = 0.0 if seconds is None else (perf_counter() - began) / seconds
@@ -441,6 +450,7 @@ def excite(
         tried=tried,
         seed=seed,
         seconds=perf_counter() - began,
+        interrupted=interrupted,
     )
 
 

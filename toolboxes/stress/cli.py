@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from json import loads
 from pathlib import Path
+from shutil import rmtree
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dualwinch.toolbox import ProgressLine, options, output
@@ -47,7 +48,8 @@ def stress(
             beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.
         scenarios: Scenarios, the same at every size and for all gains.
         seed: Seed of the draws.
-        out: Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them.
+        out: Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them. Until it is
+            finished, its portions are kept there, too, unless --checkpoint names another folder.
 
     Examples:
         dualwinch stress tuned/best.toml
@@ -74,22 +76,27 @@ def stress(
             options.own_default("stress", "ensemble") if ensemble is None else ensemble, experiment
         )
         options.note_other_ensemble(file, *names, imperfect.name)
-    with (
-        folders.made_folder(out) if out else nullcontext(),
-        ProgressLine("simulating", command="stress", patient=True) as progress,
-        where.workers(progress) as workers,
-    ):
-        result = stress(
-            experiment,
-            base=base_name,
-            settings=given.values,
-            constraints=constraint,
-            study_constraints=study_constraints(file, experiment) if file else (),
-            name=file.name if file else f"case {given.case}",
-            workers=workers,
-            progress=progress,
-            **options.stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
-        )
+    unfinished = out / UNFINISHED if out and not where.checkpoint else None
+    where = replace(where, checkpoint=where.checkpoint or unfinished)
+    try:
+        with (
+            folders.made_folder(out) if out else nullcontext(),
+            ProgressLine("simulating", command="stress", patient=True) as progress,
+            where.workers(progress) as workers,
+        ):
+            result = stress(
+                experiment,
+                base=base_name,
+                settings=given.values,
+                constraints=constraint,
+                study_constraints=study_constraints(file, experiment) if file else (),
+                name=file.name if file else f"case {given.case}",
+                workers=workers,
+                progress=progress,
+                **options.stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
+            )
+    except KeyboardInterrupt:
+        raise where.interrupt from None
     if json:
         output.print_json(to_record(result))
     else:
@@ -97,6 +104,12 @@ def stress(
     if out:
         for name in write_stress(out, result):
             output.wrote(out / name)
+    if unfinished:
+        rmtree(unfinished)
+
+
+UNFINISHED = "unfinished-stress"
+"""Folder of the finished portions of a call that is not finished."""
 
 
 def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str]) -> None:

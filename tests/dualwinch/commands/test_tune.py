@@ -210,7 +210,7 @@ def test_an_interrupt_keeps_the_best_so_far(
         add(self, evaluations)
 
     monkeypatch.setattr(SearchStatus, "add", interrupted)
-    assert dualwinch("tune", *FEW, "--trials", 1000, "--out", tmp_path) == 1
+    assert dualwinch("tune", *FEW, "--trials", 1000, "--out", tmp_path) == 130
     said = capsys.readouterr().err
     assert "interrupted; this is the best so far" in said
     assert said.endswith("interrupted; the study is kept; the same call with --resume goes on\n")

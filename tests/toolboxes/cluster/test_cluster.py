@@ -337,7 +337,7 @@ def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: Da
     ran = ensemble_under_way(dask)
     ran.send_signal(signal.SIGINT)
     assert "interrupted" in ran.communicate(timeout=60)[1].splitlines()[-1]
-    assert ran.returncode == 1
+    assert ran.returncode == 130
 
 
 @pytest.mark.slow

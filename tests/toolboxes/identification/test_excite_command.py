@@ -1,11 +1,13 @@
 """The command ``excite``: a run that tells, as a file that ``simulate`` takes."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from dualwinch.cli.app import main
 from dualwinch.config.experiment_file import load
+from dualwinch.toolboxes.identification import experiment_design
 from tests.conftest import Refused
 
 SEARCH = ["--case", "4", "--set", "sensors.tension_noise=10", "--duration", "20s", "--trials", "10"]
@@ -21,6 +23,25 @@ def test_an_experiment_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert figure.read_text().startswith("<?xml")
     main(["simulate", "--config", str(out), "--out", str(run)])
     assert run.exists()
+
+
+def test_an_interrupt_keeps_the_best_motion_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motions, expected_covariance = list[object](), experiment_design.expected_covariance
+
+    def interrupted(*words: Any) -> Any:
+        motions.append(words)
+        if len(motions) > 20:
+            raise KeyboardInterrupt
+        return expected_covariance(*words)
+
+    monkeypatch.setattr(experiment_design, "expected_covariance", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        main(["excite", "--fit", "plant.vehicle.mass", *SEARCH[:-1], "1000", "--out", str(tmp_path / "exciting.toml")])
+    assert ended.value.code == 130
+    assert "interrupted; this is the best of 1" in capsys.readouterr().err
+    assert load(tmp_path / "exciting.toml").reference.kind == "way-points"
 
 
 @pytest.mark.parametrize(

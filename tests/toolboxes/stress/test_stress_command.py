@@ -4,6 +4,7 @@ import json
 import re
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -94,6 +95,30 @@ def test_a_killed_stress_test_goes_on_to_the_same_digits(drums: Path, gains: Pat
     assert len(files) < len(written(kept))
     main([*words, str(tmp_path / "here")])
     assert (tmp_path / "there" / "stress.json").read_bytes() == (tmp_path / "here" / "stress.json").read_bytes()
+
+
+def test_after_an_interrupt_the_same_call_goes_on(
+    drums: Path, gains: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, run_grid, sizes = tmp_path / "stress", stress_module.batches.run_grid, list[int]()
+
+    def interrupted(*words: Any, **options: Any) -> Any:
+        if len(sizes) == 3:
+            raise KeyboardInterrupt
+        sizes.append(len(words[0]))
+        return run_grid(*words, **options)
+
+    words = ["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT, "--out", str(out)]
+    with monkeypatch.context() as patched:
+        patched.setattr(stress_module.batches, "run_grid", interrupted)
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+    assert ended.value.code == 130
+    portions = written(out / stress_command.UNFINISHED)
+    assert portions
+    assert f"{out / stress_command.UNFINISHED}; the same call goes on" in capsys.readouterr().err
+    main(words)
+    assert {file.name for file in out.iterdir()} == {"stress.json", "stress.svg"}
 
 
 def test_constraints_come_from_the_study_beside_its_best_gains(gains: Path, tmp_path: Path) -> None:

@@ -94,3 +94,5 @@ def excite(
         output.terminal(soft_wrap=True).print(repr(found), highlight=False)
     output.write_text(out, lambda: experiment_file.to_toml(found.experiment))
     output.write_figure(plot, found.plot)
+    if found.interrupted:
+        raise KeyboardInterrupt(f"this is the best of {found.tried} motions; the same call searches from the beginning")
