@@ -51,7 +51,7 @@ def short(name: str) -> str:
 
 
 SHOWN_CANDIDATES = 40
-"""Largest number of candidates in parallel coordinates."""
+"""Largest number of candidates in the figure of their gains."""
 
 CHATTER = "mean.chatter"
 """Statistic that a single objective is drawn against."""
@@ -124,34 +124,42 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
     )
 
 
-def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], verdict: SelectionResult) -> Figure:
-    """The best candidates in every dimension, with the selected gains, the start and the bounds."""
+def best_gains(problem: TuningProblem, trials: Sequence[Evaluation], verdict: SelectionResult) -> Figure:
+    """The gains of the best candidates, a row for each gain from its lower to its upper bound.
+
+    Also drawn are the selected gains and the start.
+    """
     order = [index for index in feasibility_first(trials) if not trials[index].pruned][:SHOWN_CANDIDATES]
     dimensions = problem.space.dimensions
-    words = f"The {len(order)} best trials in every searched gain, best darkest"
-    with new_page(None, 4.2, "Where the best lie", words) as page:
+    rows = np.arange(len(dimensions))
+    words = f"The {len(order)} best trials in every searched gain, between its bounds; best darkest"
+    with new_page(None, 0.9 + 0.22 * len(dimensions), "Where the best lie", words) as page:
         (axes,) = page.panels()
-        columns = np.arange(len(dimensions))
+        axes.hlines(rows, 0, 1, color=LIGHT, linewidth=0.7)
         for rank, index in reversed(list(enumerate(order))):
-            shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
-            axes.plot(columns, problem.space.encoded(trials[index].point), color=BLUE, alpha=shade, linewidth=0.8)
-        if verdict.improved:
-            best_point = problem.space.encoded(verdict.best.point)
-            axes.plot(columns, best_point, color=BLUE, linewidth=2.2, label=_named(verdict)["best"])
-        label = START["label"] if verdict.improved else _named(verdict)["best"]
-        axes.plot(columns, problem.space.encoded(problem.start), **{**START, "linewidth": 1.2, "label": label})
-        for column, dimension in zip(columns, dimensions, strict=True):
+            shade = 0.1 + 0.6 * (1 - rank / len(order)) ** 2
+            shares = problem.space.encoded(trials[index].point)
+            axes.plot(shares, rows, "|", color=BLUE, alpha=shade, markersize=9, markeredgewidth=1.2)
+        points = {START["label"]: (problem.start, VERMILION)} if verdict.improved else {}
+        best = (verdict.best.point, BLUE) if verdict.improved else (problem.start, VERMILION)
+        points[_named(verdict)["best"]] = best
+        for label, (point, colour) in points.items():
+            axes.plot(problem.space.encoded(point), rows, "o", color="white", markeredgecolor=colour, label=label)
+        for row, dimension in enumerate(dimensions):
             ends = (
-                (f"{dimension.lower:g}", f"{dimension.upper:g}")
+                (f"{dimension.lower:.3g}", f"{dimension.upper:.3g}")
                 if isinstance(dimension, ContinuousDimension)
                 else (dimension.choices[0], dimension.choices[-1])
             )
-            for text, y, align in zip(ends, (-0.03, 1.03), ("top", "bottom"), strict=True):
-                axes.text(float(column), y, text, ha="center", va=align, fontsize=7.5, color=GREY)
-        axes.set_xticks(columns, [short(name) for name in problem.space.names], rotation=40, ha="right")
-        axes.set_yticks([])
-        axes.spines["left"].set_visible(False)
-        axes.set(ylim=(-0.1, 1.1), xlim=(-0.4, len(dimensions) - 0.6))
+            for text, x, align in zip(ends, (-0.02, 1.02), ("right", "left"), strict=True):
+                axes.text(x, row, text, ha=align, va="center", fontsize=7.5, color=GREY)
+        axes.set_yticks(rows, [short(name) for name in problem.space.names])
+        axes.set_xticks([])
+        axes.grid(visible=False)
+        axes.tick_params(axis="y", length=0)
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+        axes.set(ylim=(len(dimensions) - 0.5, -0.5), xlim=(-0.12, 1.12))
         page.legend()
     return page.figure
 
@@ -306,4 +314,4 @@ def _runs(problem: TuningProblem, verdict: SelectionResult) -> tuple[dict[str, d
     return runs, words
 
 
-__all__ = ["before_and_after", "distributions", "front", "history", "importance", "importances", "parallel_coordinates"]
+__all__ = ["before_and_after", "best_gains", "distributions", "front", "history", "importance", "importances"]

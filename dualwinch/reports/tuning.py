@@ -17,11 +17,11 @@ from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.plots.style import prefixed_unit
 from dualwinch.tuning.plots import (
     before_and_after,
+    best_gains,
     distributions,
     front,
     history,
     importance,
-    parallel_coordinates,
 )
 from dualwinch.tuning.result import (
     TuningResult,
@@ -41,8 +41,8 @@ CAPTIONS = {
     "after the first scenarios. A candidate that satisfies every constraint ranks above any that does not.",
     "importance": "Difference between a gain's values among the best tenth of all complete trials, constraints aside, "
     "and among the others (PED-ANOVA). An unimportant gain may stay at its default.",
-    "parallel": "One line per candidate, one column per gain, from its lower to its upper bound. Where lines converge, "
-    "the gain is settled; where they fan out, it matters little; where they end at a bound, a wider one may help.",
+    "gains": "One row per gain, from its lower to its upper bound, with a mark for each candidate. Where marks crowd, "
+    "the gain is settled; where they spread, it matters little; where they end at a bound, a wider one may help.",
     "front": "The price of one figure of merit in terms of the other. Where a bound on the chatter touches the lower "
     "edge, it keeps the error from being smaller.",
     "before": "The same plant, sea and noise for both. Note the two scales of the error.",
@@ -169,7 +169,7 @@ def _cost(tuned: TuningResult) -> dict[str, str]:
     }
 
 
-SECTIONS = {"gained": ("distributions", "before"), "cost": ("front",), "search": ("history", "importance", "parallel")}
+SECTIONS = {"gained": ("distributions", "before"), "cost": ("front",), "search": ("history", "importance", "gains")}
 """Section of the report → its figures."""
 
 
@@ -181,7 +181,7 @@ def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
         "history": ("History", history(problem, trials)),
         "front": ("Trade-off", front(problem, tuned.training.constraints, trials)),
         "importance": ("Which gains matter", importance(problem, trials)),
-        "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials, verdict)),
+        "gains": ("Gains of the best candidates", best_gains(problem, trials, verdict)),
     }
     pictures = {
         name: {"title": title, "caption": CAPTIONS[name], "source": data_uri(figure)}

@@ -17,11 +17,11 @@ from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.plots import (
     before_and_after,
+    best_gains,
     distributions,
     front,
     importance,
     importances,
-    parallel_coordinates,
 )
 from dualwinch.tuning.record import write_study
 from dualwinch.tuning.result import (
@@ -379,7 +379,7 @@ def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
     drawn = (
         tuned.plot(),
         importance(problem, trials),
-        parallel_coordinates(problem, trials, verdict),
+        best_gains(problem, trials, verdict),
         front(problem, tuned.training.constraints, trials),
         before_and_after(problem, verdict),
         distributions(verdict),
@@ -393,8 +393,8 @@ def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
 
 def test_the_chosen_gains_are_drawn_and_no_others_are_called_the_best(tuned: TuningResult) -> None:
     def drawn(verdict: SelectionResult) -> dict[str, list[float]]:
-        (axes,) = parallel_coordinates(tuned.problem, tuned.trials, verdict).axes
-        return {str(line.get_label()): list(np.asarray(line.get_ydata())) for line in axes.lines}
+        (axes,) = best_gains(tuned.problem, tuned.trials, verdict).axes
+        return {str(line.get_label()): list(np.asarray(line.get_xdata())) for line in axes.lines}
 
     space, verdict = tuned.problem.space, tuned.verdict
     moved = replace(verdict.best.candidate, point=verdict.best.point | {"controller.observer.l0": 7.0})
