@@ -4,12 +4,15 @@
    control. Parts that have these gains stay as they are.
 2. Gains by the formulas.
 3. Margins of the nominal machine and of some drawn ones: at rest and at speed, at mid-track and near the ends, in every
-   loop, for small and for large speed errors (`analysis.margin_survey`, `analysis.resonance`).
+   loop, for small and for large speed errors (`analysis.margin_survey`, `analysis.resonance`). Points without steady
+   motion have none.
 4. The standard deviation of the tensions by noise of the sensors, from the Lyapunov equation of the closed loop at rest
    at mid-track: four of them below the least tension, so that noise makes no rope slack.
 5. While one of these is violated, what violates it gives way to 70 %: for noise the bandwidth; for margins what
    oscillates there, by its frequency: far below the bandwidth (by LAG_RATIO) integral action, far above that of the
    drums on their ropes (by two) the damping of the drums with the bandwidth, otherwise the bandwidth.
+6. A design that satisfies all is checked on further drawn machines where its margins are least. The machine furthest
+   below a bound joins those of step 3 (a cutting set; Mutapcic and Boyd, Optim. Methods Softw. 24, 2009, 381).
 """
 
 import math
@@ -21,8 +24,15 @@ import numpy as np
 
 from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR
 from dualwinch.analysis.linear_loop import fastest_growing, linear_closed_loop
-from dualwinch.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, WorstMargin
-from dualwinch.analysis.resonance import LARGE_SIGNAL, RESONANCE
+from dualwinch.analysis.margin_survey import (
+    UNSTABLE,
+    UNSTEADY,
+    Indices,
+    MarginSurvey,
+    WorstMargin,
+    comparable_value,
+)
+from dualwinch.analysis.resonance import LARGE_SIGNAL, MARGIN_AMPLITUDES, RESONANCE
 from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
@@ -193,6 +203,7 @@ def designed(
     bounds: Mapping[str, float] = LEAST_MARGINS,
     draws: int = DRAWS,
     seed: int = 0,
+    checks: int = 0,
     compiled: bool = False,
 ) -> Design:
     """Design a controller for a machine by formulas, and verify it by its margins.
@@ -206,6 +217,7 @@ def designed(
         kept: keys of gains that stay as they are.
         bounds: kind of margin (`analysis.margins.MARGIN_KINDS`, ``resonance``, ``large_signal``) → its least value.
         draws: number of drawn machines.
+        checks: number of further drawn machines on which a design is checked.
         seed: of the draws.
         compiled: whether to compile the loop for its margins, which takes longer once.
 
@@ -227,29 +239,57 @@ def designed(
     base = formula_design(with_designed_parts(base), kept=kept)
     prepare(base)
     ensemble = machine if isinstance(machine, Ensemble) else None
-    scenarios = replace(ensemble, experiment=base).chosen(range(draws), seed) if ensemble else []
+    scenarios = replace(ensemble, experiment=base).chosen(range(draws + checks), seed) if ensemble else []
     machines: list[Experiment | Scenario] = [base, *scenarios]
     amplitudes = sorted({base.sensors.speed_noise, 0.01, LARGEST_SPEED_ERROR})
     names = [name for name in parameters_of(base) if name.startswith("controller.")]
     survey = MarginSurvey(machines, names, amplitudes=amplitudes, compiled=compiled)
-    values = leaves(base)
-    (of_loops,) = survey.of_loops([[values[name] for name in names]], ("disk",))
-    steady = np.flatnonzero([margins["disk"].reason != UNSTEADY for margins in of_loops])
-    points = steady if len(steady) else np.arange(len(of_loops))
+    verified = set(range(1 + draws if ensemble else 1))
     shares, trials = ALL, list[Design]()
     for _ in range(STEPS):
         experiment = formula_design(base, shares, kept)
         values = leaves(experiment)
-        (margins,) = survey.worst([[values[name] for name in names]], tuple(bounds), points)
+        row = [values[name] for name in names]
+        loops = np.flatnonzero([machine in verified for machine in survey.loops[:, 0].tolist()])
+        least = _LeastMargins.of(survey, row, bounds, loops)
         limits, noise = limits_of(experiment, shares), tension_noise(experiment)
-        design = Design(
-            experiment, limits, shares, margins, bounds, noise, len(machines), 1 - len(steady) / len(of_loops)
-        )
-        trials.append(design)
+        design = Design(experiment, limits, shares, least.margins, bounds, noise, len(machines), least.unsteady)
+        if not design.violations and len(verified) < len(machines):
+            loops = np.union1d(loops, survey.loops_at(least.places))
+            design = replace(design, margins=_LeastMargins.of(survey, row, bounds, loops).margins)
+            verified |= {design.margins[kind].machine for kind in design.violations}
         if not design.violations:
             return design
+        trials.append(design)
         shares = _giving_way(design, machines)
     return max(trials, key=lambda design: min(design.kept_shares.values()))
+
+
+@dataclass(frozen=True)
+class _LeastMargins:
+    """The least margins at some loops of a survey with steady motion.
+
+    Attributes:
+        margins: kind → the least margin; those by the drums' rule are of all machines.
+        places: numbers of point and amplitude where the others occur.
+        unsteady: share of the loops without steady motion.
+    """
+
+    margins: dict[str, WorstMargin]
+    places: set[tuple[int, int]]
+    unsteady: float
+
+    @classmethod
+    def of(cls, survey: MarginSurvey, row: Sequence[float], kinds: Collection[str], loops: Indices) -> "_LeastMargins":
+        by_rule, of_loops = set(kinds) & MARGIN_AMPLITUDES.keys(), set(kinds) - MARGIN_AMPLITUDES.keys()
+        (margins,), (found,) = survey.of_loops([row], of_loops, loops), survey.worst([row], by_rule, loops)
+        steady = [number for number, each in enumerate(margins) if all(one.reason != UNSTEADY for one in each.values())]
+        places = set[tuple[int, int]]()
+        for kind in of_loops:
+            least = min(steady or range(len(margins)), key=lambda number: comparable_value(margins[number][kind]))
+            found[kind] = margins[least][kind]
+            places.add(tuple(survey.loops[loops[least], 1:].tolist()))
+        return cls(found, places, 1 - len(steady) / len(margins))
 
 
 def tension_noise(experiment: Experiment) -> float:

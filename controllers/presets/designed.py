@@ -13,7 +13,8 @@ The design has two parameters, `RESONANCE_MARGIN` and `LAG_RATIO`; everything el
    quadratic equation in y; of its roots the larger makes the slope grow less with the speed error. The smoothing is
    such that up to the largest speed error the slope does not exceed that at rest: what is stable at rest is stable
    after a push. The boundary layer ends where the ropes' force does.
-4. **Filter**: bandwidth 2 w; all of the disturbance is compensated. What encoders tell of the vehicle's position is as
+4. **Filter**: bandwidth 2 w; all of the disturbance is compensated, or the share of integral action: to a vehicle that
+   sticks to its rail, compensation is an integral of the force. What encoders tell of the vehicle's position is as
    uncertain as half the stretch of a rope. The law's own observer removes what the filter does not see, friction of
    drums and rollers: with w/50 at small errors, and as fast as the loop, with w more, at large ones.
 5. **Tension loops**: ki = w/16 and kp = 1/100 times the lever from tension to torque.
@@ -86,7 +87,7 @@ class Shares:
 
     bandwidth: Annotated[float, Quantity("1", "share of the bandwidth")] = 1.0
     damping: Annotated[float, Quantity("1", "share of the damping of the drums")] = 1.0
-    integral: Annotated[float, Quantity("1", "share of the gains of observer and tension integrals")] = 1.0
+    integral: Annotated[float, Quantity("1", "share of the gains of observers and tension integrals")] = 1.0
 
     @property
     def named(self) -> dict[str, float]:
@@ -181,7 +182,7 @@ def designed_controller(
     gains |= {
         "kalman.bandwidth": 2 * bandwidth,
         "kalman.ramp": 0.2,
-        "kalman.compensation": 1.0,
+        "kalman.compensation": shares.integral,
         "kalman.encoder_noise": max(stretches) / 2,
     }
     if speed_noise:

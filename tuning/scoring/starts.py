@@ -33,7 +33,8 @@ def with_designed_start(problem: TuningProblem, watch: TuningProgress = NO_PROGR
     machine = problem.experiment if problem.ensemble is None else problem.drawn_ensemble
     # a light drum keeps its controller without damping: another structure would be compiled for the start alone
     keys = {*problem.fixed, *_zeros(problem.experiment)}
-    controller = designed(machine, kept=keys, seed=problem.stream(DESIGN), compiled=True).controller
+    seed, checks = problem.stream(DESIGN), problem.options.machines
+    controller = designed(machine, kept=keys, seed=seed, checks=checks, compiled=True).controller
     if controller == problem.experiment.controller:
         return replace(problem, fixed=None, start_words=DESIGNED)
     return replace(problem, starts=(*problem.starts, controller), fixed=None, design=controller)
