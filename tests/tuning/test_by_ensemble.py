@@ -1,3 +1,4 @@
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,15 @@ from dualwinch.config.experiment_file import load, loads, own_keys, to_toml
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.baseline import RESERVE, assumptions, default_coordination, default_estimator, default_reserve
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tuning_problem import tuning_problem
+
+
+@cache
+def problem_of(ensemble: str) -> TuningProblem:
+    """The usual problem of a built-in ensemble, at which several tests look."""
+    return tuning_problem(ensemble=ensemble)
 
 
 @pytest.mark.parametrize(
@@ -29,38 +37,38 @@ def test_who_cannot_trust_drums_learns_them(text: str, kind: str) -> None:
 
 def test_a_search_starts_with_it_where_nobody_says_otherwise() -> None:
     assert default_estimator(load_ensemble("sea")) == "calibrating-kalman"
-    found = tuning_problem(ensemble="rig")
+    found = problem_of("rig")
     assert found.experiment.controller.estimator.kind == "self-calibrating-kalman"
     given = tuning_problem(ensemble="rig", settings=["controller.estimator=kalman"])
     assert given.experiment.controller.estimator.kind == "kalman"
 
 
 def test_motors_that_lag_are_quiet_by_themselves() -> None:
-    texts = {name: [bound.text for bound in tuning_problem(ensemble=name).constraints] for name in ("sea", "rig")}
+    texts = {name: [bound.text for bound in problem_of(name).constraints] for name in ("sea", "rig")}
     assert "mean.chatter<=0.25*paper" in texts["sea"]
     assert "mean.chatter<=1*paper" in texts["rig"]
 
 
 def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None:
-    (reserve,) = [found for found in tuning_problem(ensemble="rig").space.dimensions if found.name == RESERVE]
+    (reserve,) = [found for found in problem_of("rig").space.dimensions if found.name == RESERVE]
     assert isinstance(reserve, ContinuousDimension)
     assert (reserve.lower, reserve.upper) == pytest.approx((0, 1.5 * (0.02 * 6000 + 30)))
     assert default_reserve(load_ensemble("rig")) == pytest.approx(0.02 * 6000 + 30)
-    assert leaves(tuning_problem(ensemble="rig").experiment)[RESERVE] == pytest.approx(0.02 * 6000 + 30)
+    assert leaves(problem_of("rig").experiment)[RESERVE] == pytest.approx(0.02 * 6000 + 30)
     given = tuning_problem(ensemble="rig", settings=[f"{RESERVE}=20"])
     assert leaves(given.experiment)[RESERVE] == 20
     assert leaves(given.paper_experiment)[RESERVE] == 0
     stronger = tuning_problem(ensemble="rig", settings=["controller.coordination.tension_max=9000"])
     assert leaves(stronger.experiment)[RESERVE] == pytest.approx(0.02 * 9000 + 30)
     assert leaves(stronger.paper_experiment)[RESERVE] == 0
-    assert leaves(tuning_problem(ensemble="sea").experiment)[RESERVE] == 0
-    assert RESERVE not in tuning_problem(ensemble="sea").space.names
+    assert leaves(problem_of("sea").experiment)[RESERVE] == 0
+    assert RESERVE not in problem_of("sea").space.names
     assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names
 
 
 def test_the_filter_expects_the_noise_of_the_position_sensor_that_is_described() -> None:
     key = "controller.kalman.position_noise"
-    assert all(leaves(tuning_problem(ensemble=name).experiment)[key] == 6e-4 for name in ("sea", "rig", "site"))
+    assert all(leaves(problem_of(name).experiment)[key] == 6e-4 for name in ("sea", "rig", "site"))
     problem = tuning_problem(ensemble="rig", settings=["sensors.position_resolution=0.01"])
     assert leaves(problem.experiment)[key] == 3e-3  # 10 mm / sqrt(12)
     assert f"{key} = 0.003: noise and rounding of the described position sensor" in problem.choices
@@ -76,7 +84,7 @@ def test_what_was_gained_says_what_it_rests_on() -> None:
 
 def test_where_ropes_sag_fast_force_is_shared_by_tension_unless_another_way_is_named() -> None:
     assert default_coordination(load_ensemble("rig")) is None
-    problem = tuning_problem(ensemble="site")
+    problem = problem_of("site")
     assert problem.experiment.controller.coordination.kind == "proportional-tension"
     assert any(line.startswith("coordination proportional-tension: none is named") for line in problem.choices)
     assert {"controller.proportional_tension.slow_time", "controller.nftsm.smoothing"} <= set(problem.space.names)
@@ -86,13 +94,13 @@ def test_where_ropes_sag_fast_force_is_shared_by_tension_unless_another_way_is_n
 
 def test_the_drums_damping_matches_the_impedance_of_the_ropes() -> None:
     """sqrt(EA mu) R^2/G with the tangent of a rope that does not sag, as the textbook has it."""
-    found = leaves(tuning_problem(ensemble="site").experiment)
+    found = leaves(problem_of("site").experiment)
     assert found["controller.winch_1.damping"] == pytest.approx((8e10 * 0.000452 * 2.36) ** 0.5 * 0.8**2 / 36, rel=0.02)
     assert found["controller.winch_1.kp"] == pytest.approx(0.01 * 0.8 / 36)
 
 
 def test_the_drums_damping_leads_by_a_share_of_the_drives_lag_and_is_not_searched_for() -> None:
-    problem = tuning_problem(ensemble="site")
+    problem = problem_of("site")
     drive, lead = (
         leaves(problem.experiment)[key] for key in ("actuator.motor.time_constant", "controller.winch_2.lead")
     )
@@ -157,7 +165,7 @@ def test_gains_that_an_ensembles_own_file_names_are_the_start(tmp_path: Path) ->
     own.write_text(f"{text}\n[controller.winch_1]\ndamping = 120.0\n")
     found = leaves(tuning_problem(ensemble=own).experiment)
     assert found[DAMPING] == 120
-    assert found["controller.winch_2.damping"] == leaves(tuning_problem(ensemble="site").experiment)[DAMPING]
+    assert found["controller.winch_2.damping"] == leaves(problem_of("site").experiment)[DAMPING]
 
 
 def test_an_experiment_is_taken_as_it_is_and_undamped_drums_are_said() -> None:
@@ -182,7 +190,7 @@ def test_config_prints_the_start_for_a_machine(tmp_path: Path, capsys: pytest.Ca
     assert DAMPING in own_keys(start)
     assert tuning_problem(config=start).experiment == problem.experiment
     main(["config", "--ensemble", "site", "--start"])
-    assert loads(capsys.readouterr().out) == tuning_problem(ensemble="site").experiment
+    assert loads(capsys.readouterr().out) == problem_of("site").experiment
 
 
 def test_where_ropes_sag_the_filter_knows_it(tmp_path: Path) -> None:
@@ -197,7 +205,7 @@ def test_where_ropes_sag_the_filter_knows_it(tmp_path: Path) -> None:
 
 
 def test_where_overloads_are_drawn_the_tensions_of_their_recovery_are_bounded() -> None:
-    usual, overloaded = (tuning_problem(ensemble=name).constraints for name in ("site", "overload"))
+    usual, overloaded = (problem_of(name).constraints for name in ("site", "overload"))
     assert [constraint.label for constraint in overloaded][:2] == [
         "worst.slack_share <= 0.001",
         "worst.peak_tension <= 7500 N",

@@ -101,6 +101,7 @@ def test_python_gives_what_the_command_prints(tmp_path: Path, capsys: pytest.Cap
     assert dw.race(drawn, **words).ratios == found.ratios
 
 
+@pytest.mark.slow
 def test_searches_have_seeds_of_their_own_and_are_scored_in_the_same_scenarios() -> None:
     words: dict[str, Any] = {
         "laws": "nftsm",
