@@ -16,7 +16,6 @@ from rich.console import Console
 from dualwinch.cli import main
 from dualwinch.cli.options import other_ensemble, seconds_from
 from dualwinch.cli.progress import ProgressLine
-from dualwinch.cli.tune import StudyOptions, run_study
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
@@ -180,6 +179,7 @@ def test_the_report_compares_in_the_file_of_an_ensemble_of_ones_own(
     assert f"{following} --seed 1000" in unescape(report)
 
 
+@pytest.mark.slow
 def test_a_deterministic_study_with_several_objectives_has_a_front(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -199,6 +199,7 @@ def test_a_deterministic_study_with_several_objectives_has_a_front(
     assert study["best"]["test"] is None
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_best_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,9 +317,6 @@ def test_strings_are_paths(tmp_path: Path) -> None:
     space.write_text("[space]\ncontroller.observer.l0 = true\n")
     problem = tuning_problem(config=str(file), space=[str(space)], settings=["simulation.duration=0.1"])
     assert problem.start == {"controller.observer.l0": 7.0}
-    with ProgressLine() as line:
-        run_study(problem, StudyOptions(trials=4, out=tmp_path / "out"), line)
-    assert (tmp_path / "out" / "report.html").exists()
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("60s", 60), ("90", 90), ("5min", 300), ("1.5h", 5400), ("1e2s", 100)])
