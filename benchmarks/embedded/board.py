@@ -55,7 +55,6 @@ class Measurement:
         instructions: (samples,) of every step, call included.
         preparation: instructions of preparing the parameters, where there are any.
         code: bytes of the package's functions and constants.
-        linked: the same with everything they call of the C library.
         stack: deepest stack in bytes that the run used in a step, C library included.
         declared_stack: bytes that the package's own functions take of it, as the compiler says.
         symbols: of everything that is linked.
@@ -65,7 +64,6 @@ class Measurement:
     instructions: NDArray[np.int64]
     preparation: int
     code: int
-    linked: int
     stack: int
     declared_stack: int
     symbols: tuple[str, ...]
@@ -130,7 +128,6 @@ def measure(
             instructions=np.rint((table["ticks"] - empty_call) / TICKS).astype(np.int64),
             preparation=round(max(preparation - empty_call, 0) / TICKS),
             code=_size(folder, f"{name}.o"),
-            linked=_size(folder, "alone.elf"),
             stack=int(stack),
             declared_stack=int(frames[f"{name}_step"]) + inner,
             symbols=tuple(_call(folder, "arm-none-eabi-nm", "--format=just-symbols", "alone.elf").split()),

@@ -73,10 +73,8 @@ def report() -> str:
         "worst",
         "worst, random inputs",
         "code",
-        "with the C library's",
         "RAM an instance",
         "stack, deepest seen",
-        "the package's own",
         "preparing, once",
     ]
     lines = [f"| {' | '.join(headings)} |", "|---|---|" + "--:|" * (len(headings) - 2)]
@@ -92,7 +90,7 @@ def report() -> str:
                 f"{inside.mean():.0f}",
                 inside.max(),
                 beyond.max(),
-                *(f"{size} B" for size in (got.code, got.linked, ram, got.stack, got.declared_stack)),
+                *(f"{size} B" for size in (got.code, ram, got.stack)),
                 "–" if freeze else got.preparation,
             ]
             lines.append(f"| {' | '.join(map(str, cells))} |")
