@@ -8,7 +8,6 @@ computer or on what else it does.
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,7 +93,7 @@ def table(ensemble: str, methods: Sequence[str], seeds: Sequence[int], rollouts:
             problem = tuning_problem(ensemble=ensemble, seed=seed)
             fresh = fresh or FreshSet(problem, draws, problem.options.machines)
             tuned = tune(problem, method=method, rollouts=rollouts, test_scenarios=8)
-            cells, median = fresh.row(replace(tuned))
+            cells, median = fresh.row(tuned)
             rows.append([str(seed), method, *cells])
             medians[method].append(median)
             sys.stderr.write(f"{ensemble} {' | '.join(rows[-1])}\n")

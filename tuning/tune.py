@@ -67,7 +67,7 @@ def tune(
             always finished.
         rollouts: number of rollouts of search, checks and certificates, of which the search leaves enough for another
             certificate; where none of the candidates is certified, an eighth more. A first candidate is always examined
-            whole.
+            whole. Runs of the paper's gains, or the start, in the same draws as a candidate come on top.
         test_scenarios: number of test scenarios; default: from the problem's `TuningOptions`.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         store: open storage of the trials; a study in it is continued. Default: in memory.
