@@ -14,13 +14,12 @@ import numpy as np
 
 from benchmarks.document import markdown, put, times
 from dualwinch.analysis.margin_survey import MarginSurvey
-from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.tuning.constraints import MarginStatistic
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningResult
 from dualwinch.tuning.scoring.rollouts import run_pairs, worst_of
 from dualwinch.tuning.scoring.scorer import Scorer
-from dualwinch.tuning.scoring.training_set import controlled_as, with_authority
+from dualwinch.tuning.scoring.training_set import controlled_as
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import tuning_problem
 
@@ -31,8 +30,7 @@ HEADINGS = (
     "seed",
     "optimiser",
     "best",
-    "mean MSE below the paper's",
-    "median",
+    "median MSE below the paper's",
     "draws with a violation",
     "stated",
     "machines below a margin",
@@ -45,7 +43,6 @@ class FreshSet:
 
     def __init__(self, problem: TuningProblem, draws: int, machines: int) -> None:
         self.draws = problem.drawn_ensemble.chosen(range(draws), FRESH_SEED)
-        self.within = with_authority(force_demands(self.draws), problem.options.authority)
         self.machines = machines
         experiment = problem.paper_experiment
         runs = run_pairs([], [[]], controlled_as(experiment, self.draws))
@@ -59,7 +56,6 @@ class FreshSet:
         runs = scorer.run([best.candidate], draws)
         ours = runs.metrics["mse"][0]
         violations = int((worst_of(runs, tuned.training.constraints) > 0).sum())
-        mean = float(np.nanmean(self.paper[self.within]) / np.nanmean(ours[self.within]))
         median = float(np.nanmedian(self.paper) / np.nanmedian(ours))
         survey = MarginSurvey(draws[: self.machines], problem.space.keys, amplitudes=problem.margin_amplitudes)
         (margins,) = survey.each([problem.space.parameters(best.point)], [each.margin for each in problem.margins])
@@ -76,7 +72,6 @@ class FreshSet:
         certified = "" if certificate and certificate.satisfied else ", not certified"
         return [
             "the start" if not tuned.verdict.improved else f"trial {best.number}{certified}",
-            times(mean),
             times(median),
             f"{violations} of {len(draws)}",
             stated,
@@ -104,7 +99,9 @@ def table(ensemble: str, methods: Sequence[str], seeds: Sequence[int], rollouts:
         for method, values in medians.items()
         if len(values) > 1
     )
-    return f"{markdown(HEADINGS, rows)}\n\n*`{ensemble}`, {rollouts} rollouts{spread and f'; {spread}'}.*"
+    columns = [index for index, name in enumerate(HEADINGS) if len(methods) > 1 or name != "optimiser"]
+    shown = [[row[index] for index in columns] for row in (HEADINGS, *rows)]
+    return f"{markdown(shown[0], shown[1:])}\n\n*`{ensemble}`, {rollouts} rollouts{spread and f'; {spread}'}.*"
 
 
 def main() -> None:
