@@ -188,6 +188,8 @@ def formula_design(experiment: Experiment, shares: Shares = ALL, kept: Collectio
     )
     designed = replace(experiment, controller=controller)
     values = leaves(experiment)
+    if "controller.kalman.speed_sensor" in values:
+        designed = with_leaves(designed, {"controller.kalman.speed_sensor": experiment.sensors.speed != "none"})
     return with_leaves(designed, {key: values[key] for key in kept if key in values and key.startswith("controller.")})
 
 

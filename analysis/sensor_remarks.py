@@ -52,9 +52,10 @@ def sensor_remarks(experiment: Experiment, checked: Collection[str] = ()) -> lis
             f"sensors.position_rate = {rate:g} a second: the controller takes held readings for new ones{hint}"
         )
     noisy = [f"sensors.{name}" for name in NOISES if values[f"sensors.{name}"]]
-    if noisy and not values["sensors.speed_noise"] and "sensors.speed_noise" not in checked:
+    unread = values["sensors.speed"] == "none" or "v" in experiment.controller.estimator.silent
+    if noisy and not (values["sensors.speed_noise"] or unread or "sensors.speed_noise" in checked):
         remarks.append(
             f"sensors.speed_noise = 0: a speed without noise beside {', '.join(noisy)}; no wheel is so good, and "
-            "gains found with it need not hold"
+            'gains found with it need not hold; without a wheel: sensors.speed = "none"'
         )
     return remarks

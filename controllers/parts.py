@@ -6,7 +6,7 @@ columns of a result, under their own names.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.plant import Plant
@@ -95,8 +95,10 @@ class Estimator(ControllerPart, Part):
     `codegen.block.NO_READING` in magnitude, in exported controllers too.
     """
 
-    silent: ClassVar[frozenset[str]] = frozenset()
-    """Names of measurements that may be missing."""
+    @property
+    def silent(self) -> frozenset[str]:
+        """Names of measurements that may be missing."""
+        return frozenset()
 
     @abstractmethod
     def step(self, state: Any, measurement: Measurement, setpoint: Setpoint, context: Context) -> tuple[Any, Estimate]:

@@ -95,6 +95,11 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
     _check_time(experiment)
     _check_signals(experiment)
     _check_delays(experiment)
+    if experiment.sensors.speed == "none" and "v" not in experiment.controller.estimator.silent:
+        raise ConfigurationError(
+            'sensors.speed = "none": must be "wheel" for an estimator that reads the speed; Kalman filters do without '
+            "it where controller.kalman.speed_sensor = false"
+        )
     try:
         _check_reference(experiment)
         _check_substeps(experiment)

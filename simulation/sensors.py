@@ -23,6 +23,7 @@ from dualwinch.simulation.lateness import (
 )
 
 Silence: TypeAlias = Literal["held", "missing"]
+SpeedSensor: TypeAlias = Literal["wheel", "none"]
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,9 @@ class Sensors:
         Quantity("1/s", "readings of the position a second, each held until the next; 0: one a sample", "assumption"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
+    speed: Annotated[
+        SpeedSensor, Quantity("", "sensor of the speed; none: no reading, for filters that do without", "")
+    ] = "wheel"
     speed_noise: Annotated[
         NonNegative, Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
@@ -292,7 +296,7 @@ def sensors_structure(sensors: Sensors) -> Sensors:
         name: PLACEHOLDER for name in (*DELAYS, *EFFECTS, *FAULTS) if present(getattr(sensors, name))
     }
     shaping |= {"memory": sensors.memory} if is_late(sensors) else {}
-    return Sensors(**outages, **shaping)
+    return Sensors(**outages, **shaping, speed=sensors.speed)
 
 
 def is_late(sensors: Sensors) -> bool:
@@ -422,7 +426,7 @@ def measure(
         x = where(noise.silent > 0, math.nan, x)
     return now, Measurement(
         x=x,
-        v=exact.v + sensors.speed_noise * noise.speed,
+        v=math.nan if sensors.speed == "none" else exact.v + sensors.speed_noise * noise.speed,
         F1=exact.F1 + sensors.tension_noise * noise.tension_1,
         F2=exact.F2 + sensors.tension_noise * noise.tension_2,
         omega_1=drum_speed(exact.omega_1, (now.theta_1 - last.theta_1) / sample_time, sensors),

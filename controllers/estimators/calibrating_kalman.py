@@ -109,6 +109,11 @@ class CalibratingKalman(Estimator):
     kind: ClassVar = "calibrating-kalman"
     label: ClassVar = "calibrating Kalman filter"
 
+    @property
+    def silent(self) -> frozenset[str]:
+        """Names of measurements that may be missing."""
+        return self.kalman.silent
+
     def initial_state(self) -> CalibratingState:
         """At rest at the start of the run, with the nominal ropes."""
         return CalibratingState()

@@ -104,6 +104,19 @@ class KalmanGains:
         Quantity("1", "share of the estimated disturbance that the position law compensates", "assumption"),
         Tunable(0, 1, log=False),
     ] = 0.0
+    speed_sensor: Annotated[
+        bool,
+        Quantity("", "whether the filter reads a speed sensor; else the speed is that of position and encoders", ""),
+    ] = True
+
+    @property
+    def silent(self) -> frozenset[str]:
+        """Names of measurements that are not read."""
+        return frozenset() if self.speed_sensor else frozenset({"v"})
+
+    def speed_innovation(self, reading: Scalar, v: Scalar) -> Scalar:
+        """Innovation of a reading of the speed in m/s against the predicted v; 0 without a sensor."""
+        return reading - v if self.speed_sensor else 0.0
 
 
 @dataclass(frozen=True)
@@ -141,7 +154,8 @@ class SteadyFilter(NamedTuple):
 
 def kalman_gain(gains: KalmanGains, sample_time: Scalar, encoders: bool = True) -> Matrix:
     """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed (`steady_filter`)."""
-    return steady_filter(gains, sample_time, encoders).gain
+    gain = steady_filter(gains, sample_time, encoders, gains.speed_sensor).gain
+    return gain if gains.speed_sensor else tuple((of_position, 0.0) for (of_position,) in gain)
 
 
 def steady_filter(
@@ -248,7 +262,7 @@ def filter_motion(
     of_x = position / total * (now.x - state.x)
     of_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
     of_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
-    innovations, gain = (of_x, now.v - state.v), kalman_gain(gains, context.sample_time)
+    innovations, gain = (of_x, gains.speed_innovation(now.v, state.v)), kalman_gain(gains, context.sample_time)
     return corrected(state, measurement, innovations, gain, gains, nominal, context.sample_time)
 
 
@@ -292,6 +306,11 @@ class Kalman(Estimator):
 
     kind: ClassVar = "kalman"
     label: ClassVar = "Kalman filter"
+
+    @property
+    def silent(self) -> frozenset[str]:
+        """Names of measurements that may be missing."""
+        return self.kalman.silent
 
     def initial_state(self) -> KalmanState:
         """At rest at the start of the run."""

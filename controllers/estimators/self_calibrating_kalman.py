@@ -272,12 +272,16 @@ class SelfCalibratingKalman(Estimator):
 
     kind: ClassVar = "self-calibrating-kalman"
     label: ClassVar = "self-calibrating Kalman filter"
-    silent: ClassVar = frozenset({"x"})
+
+    @property
+    def silent(self) -> frozenset[str]:
+        """Names of measurements that may be missing."""
+        return self.kalman.silent | {"x"}
 
     def initial_state(self) -> SelfCalibratingState:
         """At rest at the start of the run, with nominal drums, ropes and encoders."""
         unknown = unknown_errors(self.drums)
-        wheel = WheelKnowledge() if present(self.drums.wheel) else NO_STATE
+        wheel = WheelKnowledge() if self.kalman.speed_sensor and present(self.drums.wheel) else NO_STATE
         gates = Gates() if self.trust.false_alarm else NO_STATE
         return SelfCalibratingState(KalmanState(), unknown, unknown, wheel, gates=gates)
 
@@ -309,14 +313,14 @@ class SelfCalibratingKalman(Estimator):
         punctual = replace(reading, x=reading.x + late, alive=both(reading.alive, reading.trusted))
         fused = innovation(x, punctual, drums, (position_1, position_2), gains, self.trust)
         gain, rolled, predicted = blended_gain(gains, fused.lead, sample_time), now.v, state.motion
-        if isinstance(gates, Gates):
+        if isinstance(gates, Gates) and gains.speed_sensor:
             gates, gain, predicted = self._speed_gated(gates, gain, now.v, state, is_confirmed, sample_time)
             rolled = where(gates.speed.rejected > 0, predicted.v * (1 + wheel_error(state.wheel)), now.v)
         wheel, speed = self._rolled(state.wheel, rolled, x, sample_time)
         motion, estimate = corrected(
             replace(predicted, x=x + fused.shift),
             measurement,
-            (fused.residual, speed - predicted.v),
+            (fused.residual, gains.speed_innovation(speed, predicted.v)),
             gain,
             gains,
             context.nominal,

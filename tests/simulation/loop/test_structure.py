@@ -80,6 +80,7 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
             "simulation.readings",
             "sensors.outage",
             "sensors.memory",
+            "sensors.speed",
         ),
     }
 
