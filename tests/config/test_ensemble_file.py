@@ -326,16 +326,6 @@ def test_simulate_runs_an_ensemble_end_to_end(tmp_path: Path, capsys: pytest.Cap
     assert json.loads(again.read_text())["scenarios"] == content["scenarios"]
 
 
-@pytest.mark.parametrize("words", [("--engine", "casadi"), ("--set", "simulation.engine=casadi")])
-def test_an_ensemble_runs_in_the_engine_asked_for(words: tuple[str, ...], tmp_path: Path) -> None:
-    ours, theirs = tmp_path / "compiled.json", tmp_path / "casadi.json"
-    assert dualwinch("simulate", *SHORT, "--out", ours) == dualwinch("simulate", *SHORT, *words, "--out", theirs) == 0
-    mine, other = (json.loads(file.read_text())["scenarios"] for file in (ours, theirs))
-    for first, second in zip(mine, other, strict=True):
-        assert first["mse"] == pytest.approx(second["mse"], rel=1e-6)
-    assert mine != other  # last bits, which tell the engines apart
-
-
 def test_config_prints_an_ensemble_that_simulate_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert dualwinch("config", "--ensemble", "sea") == 0
     assert load_ensemble(written(capsys.readouterr().out, tmp_path)) == load_ensemble("sea")

@@ -32,11 +32,8 @@ from tests.tolerances import close
 
 SHORT = Simulation(duration=0.3)
 MANY = in_full()
-LAWS_AND_COORDINATIONS = list(
-    product(POSITION_LAWS.values(), COORDINATIONS.values())
-    if MANY
-    else zip(POSITION_LAWS.values(), cycle(COORDINATIONS.values()), strict=False)
-)
+IN_TURN = list(zip(POSITION_LAWS.values(), cycle(COORDINATIONS.values()), strict=False))
+LAWS_AND_COORDINATIONS = list(product(POSITION_LAWS.values(), COORDINATIONS.values())) if MANY else IN_TURN
 """With few examples coordinations come in turn, for each pair has compiled code of its own."""
 
 
@@ -195,7 +192,7 @@ def without_gains(part: type[Group]) -> Group:
     ("law", "coordination"),
     mostly_slow(
         product(POSITION_LAWS.values(), COORDINATIONS.values()),
-        {*LAWS_AND_COORDINATIONS[:4]}.__contains__,
+        {*IN_TURN[:4]}.__contains__,
     ),
 )
 def test_gains_of_zero_give_the_same_outcome_in_both_engines(

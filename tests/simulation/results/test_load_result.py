@@ -5,18 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.file_formats import FORMATS, load_result, save
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.own_parts import DriftFree, StateFeedback, Watched
 
 SETTINGS = {
     "simulation.duration": 0.5,
@@ -82,24 +79,6 @@ def test_few_rows_or_none_come_back(suffix: str, stride: int, tmp_path: Path) ->
     result = simulate(override(case(4), {"simulation.duration": 0.5}), stride=stride)
     assert len(result["t"]) == (stride > 0)
     assert load_result(written(result, tmp_path / f"run{suffix}")) == result
-
-
-@pytest.mark.parametrize("suffix", FORMATS)
-def test_parts_of_ones_own_come_back_where_they_are_known(suffix: str, tmp_path: Path) -> None:
-    own = Experiment(
-        controller=Controller(DriftFree(0.3), StateFeedback(5.0), coordination=Watched(share=0.25)),
-        simulation=Simulation(duration=0.1),
-    )
-    result = simulate(own)
-    path = written(result, tmp_path / f"run{suffix}")
-    base = Experiment(controller=Controller(DriftFree(), StateFeedback(), coordination=Watched()))
-    assert load_result(path, base) == result
-    with pytest.raises(ConfigurationError) as caught:
-        load_result(path)
-    assert str(caught.value) == (
-        f'{path}: controller.estimator = "{DriftFree.kind}": no such part is registered; '
-        "register it, dw.register(YourClass), or give an experiment that has it, as load_result(path, base)"
-    )
 
 
 @pytest.mark.parametrize(
