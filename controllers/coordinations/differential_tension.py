@@ -3,13 +3,14 @@
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
+from dualwinch.controllers.coordinations.command_shaping import drum_resonance
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
 from dualwinch.controllers.limits import Limits, within_limits
 from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import Tied
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import rope_lengths
-from dualwinch.model.scalar import Scalar, either
+from dualwinch.model.scalar import Scalar, either, present
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,11 @@ class TensionLoops:
 
     winch_1: WinchState = field(default_factory=WinchState)
     winch_2: WinchState = field(default_factory=WinchState)
+
+    @classmethod
+    def of(cls, *winches: WinchGains) -> "TensionLoops":
+        """Empty integrals, with the states that the gains of both winches need."""
+        return cls(*(winch.initial_state() for winch in winches))
 
 
 def tension_commands(u_sat: Scalar, limits: Limits) -> tuple[Scalar, Scalar]:
@@ -44,7 +50,10 @@ def follow_tensions(
     ):
         turns = side.direction / side.winch.drum_radius
         alpha_d, slip = turns * setpoint.a, omega - turns * setpoint.v
-        steps.append(winch_step(loop, command, tension, alpha_d, slip, side.winch, pid.on(length, track), context))
+        here, drum = pid.on(length, track), None
+        if present(here.shaping):
+            drum = drum_resonance(side, command, length, track, here.damping)
+        steps.append(winch_step(loop, command, tension, alpha_d, slip, side.winch, here, context, drum))
     (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = steps
     return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, tau_1, tau_2, either(saturated_1, saturated_2))
 
@@ -61,7 +70,7 @@ class DifferentialTension(Coordination):
 
     def initial_state(self) -> TensionLoops:
         """Empty integrals."""
-        return TensionLoops()
+        return TensionLoops.of(self.winch_1, self.winch_2)
 
     def step(
         self, state: TensionLoops, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context

@@ -38,7 +38,7 @@ class ForcePosition(Coordination):
 
     def initial_state(self) -> TensionLoops:
         """Empty integrals."""
-        return TensionLoops()
+        return TensionLoops.of(self.winch_1, self.winch_2)
 
     def step(
         self, state: TensionLoops, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context

@@ -43,7 +43,7 @@ class ProportionalTension(Coordination):
 
     def initial_state(self) -> ProportionalState:
         """Empty integrals, and no slow force."""
-        return ProportionalState()
+        return ProportionalState(TensionLoops.of(self.winch_1, self.winch_2))
 
     def step(
         self, state: ProportionalState, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context

@@ -90,7 +90,7 @@ class ScheduledPreload(Coordination):
 
     def initial_state(self) -> ScheduleState:
         """Empty integrals, and zero force."""
-        return ScheduleState()
+        return ScheduleState(TensionLoops.of(self.winch_1, self.winch_2))
 
     def step(
         self, state: ScheduleState, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context

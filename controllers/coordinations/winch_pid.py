@@ -12,12 +12,18 @@ which as a motor torque per drum speed is sqrt(E A mu) R²/G.
   (``fade``).
 - The torque limits, which follow from those of the tension, apply to tension control. Damping may reduce the torque
   further, down to zero: a drum braked in one direction only would oscillate until its rope is slack.
+- The tension command is shaped by the drum's resonance (`controllers.coordinations.command_shaping`) to the damping
+  ratio ``shaping``, which the position law sees in place of the drum's own.
 """
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
+import annotated_types as at
+
+from dualwinch.controllers.coordinations.command_shaping import DrumResonance, ShapedCommand, shaped
 from dualwinch.controllers.parts import Context
+from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.ropes import Track
 from dualwinch.model.scalar import Scalar, clip, minimum, present, where
@@ -51,6 +57,13 @@ class WinchGains:
         Tunable(1e-4, 1e-2, standard=False),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
+    shaping: Annotated[
+        NonNegative,
+        at.Le(2),
+        Quantity("1", "damping ratio that shaping of the command gives the drum's resonance; 0: no shaping", "A15"),
+        Tunable(0.3, 1.5, standard=False),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     fade: Annotated[
         Positive,
         Quantity("1", "rope length over track length below which a damped winch reduces kp and damping", "A15"),
@@ -63,6 +76,10 @@ class WinchGains:
         share = minimum(length / (self.fade * track.length), 1.0)
         return replace(self, kp=share * self.kp, damping=share * self.damping)
 
+    def initial_state(self) -> "WinchState":
+        """An empty integral, and the state of the command's shaping where there is one."""
+        return WinchState(shaped=ShapedCommand() if present(self.shaping) else NO_STATE)
+
 
 @dataclass(frozen=True)
 class WinchState:
@@ -72,6 +89,7 @@ class WinchState:
     error_previous: Annotated[Scalar, Quantity("N", "tension error of the last sample")] = 0.0
     primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
     slip: Annotated[Scalar, Quantity("rad/s", "low-passed drum speed beyond that of the reference")] = 0.0
+    shaped: Any = NO_STATE
 
 
 def winch_step(
@@ -83,6 +101,7 @@ def winch_step(
     winch: Winch,
     gains: WinchGains,
     context: Context,
+    drum: DrumResonance | None = None,
 ) -> tuple[WinchState, Scalar, Scalar]:
     """One sample of a winch controller (paper Section 3.3): next state, motor torque in N m, 1 where it is saturated.
 
@@ -90,10 +109,14 @@ def winch_step(
     apply to damping.
 
     Command and measured tension are in N. `alpha_d` is the reference drum acceleration in rad/s² (E9: the measured one
-    would close an algebraic loop), `slip` the drum speed in rad/s beyond that of the reference.
+    would close an algebraic loop), `slip` the drum speed in rad/s beyond that of the reference. `drum` is the
+    resonance by which the command is shaped, where it is.
     """
     limits, sample_time = context.limits, context.sample_time
     to_torque = winch.drum_radius / winch.gear_ratio
+    shape = state.shaped
+    if drum is not None:
+        shape, command = shaped(shape, command, drum, gains.shaping, sample_time, state.primed)
     error = command - tension
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
@@ -106,7 +129,7 @@ def winch_step(
         ahead, slow = _ahead(slow, slip, gains.lead, sample_time)
         torque = clip(torque - gains.damping * ahead, 0.0, to_torque * limits.tension_max)
     clamped_integral = state.integral + sample_time * where(saturated, 0.0, error)
-    return WinchState(clamped_integral, error, 1.0, slow), torque, saturated
+    return WinchState(clamped_integral, error, 1.0, slow, shape), torque, saturated
 
 
 LEAD_RATIO = 6.0
