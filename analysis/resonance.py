@@ -9,7 +9,9 @@ vehicle's mass, returns with the phase of an excitation. The loop gain at the re
 with the observer's gain L, the slope of the law for an amplitude of the speed error (its describing function), the
 moving mass ``m = J/R² + wound rope + 4/pi² mu length`` and the rope's damping c in N s/m. Its bound is 1. The gains
 kp and ki of the tension loop and the drum's damping enter as in the equation of the drum: as forces proportional to its
-speed.
+speed. Where the tension command is shaped (`controllers.coordinations.command_shaping`), L and the slope act through
+that filter of the nominal machine. The phase of a loop with a well-damped drum changes slowly, so that lags shift its
+bound further than that of an undamped one: eigenvalues decide there, too.
 
 At mid-track both drums oscillate alike and act together. Elsewhere only one oscillates, with half of the force, and the
 law may be twice as steep. Effects outside the rule (delays, motors, gearboxes, sag, an estimator) shift the bound:
@@ -29,6 +31,7 @@ from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR, describi
 from dualwinch.analysis.margins import comparable
 from dualwinch.analysis.stability import sliding_mode
 from dualwinch.codegen.source.expressions import built_once
+from dualwinch.controllers.coordinations.command_shaping import attenuation, drum_resonance
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.observer import inference
@@ -37,7 +40,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import rope_lengths, tangent_rope
-from dualwinch.model.scalar import Scalar, sqrt
+from dualwinch.model.scalar import Scalar, present, sqrt
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
@@ -174,7 +177,7 @@ def _terms(structure: LoopStructure) -> ca.Function:
     slope = gains.beta * gains.q / gains.p * terminal + (gains.eta + gains.k / gains.phi) / gains.beta * surface
     inertia_ratio = inertia(nominal.vehicle) / inertia(plant.vehicle)
     terms = []
-    for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True):
+    for side, sheet, length in zip(plant.sides, nominal.sides, rope_lengths(x, plant.track), strict=True):
         winch, rope = side.winch, side.rope
         loop = getattr(coordination, f"winch_{side.number}", no_loop).on(length, plant.track)
         to_force = winch.gear_ratio / winch.drum_radius
@@ -182,7 +185,11 @@ def _terms(structure: LoopStructure) -> ca.Function:
         mass = total_inertia(winch) / winch.drum_radius**2 + wound + 4 / math.pi**2 * rope.mass_per_length * length
         spring, own_damping = rope.tangent(controller.limits.preload / 2, length)
         omega = sqrt(spring / mass)
-        feedback = inertia_ratio * (slope + _observer_gain(controller.law, amplitude, omega)) + loop.ki * to_force
+        law = inertia_ratio * (slope + _observer_gain(controller.law, amplitude, omega))
+        if present(loop.shaping):
+            tension = controller.limits.preload / 2
+            law *= attenuation(omega, drum_resonance(sheet, tension, length, nominal.track, loop.damping), loop.shaping)
+        feedback = law + loop.ki * to_force
         damping = own_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
         terms += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
     return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*terms))])

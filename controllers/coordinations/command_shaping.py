@@ -74,3 +74,16 @@ def shaped(
     force = where(primed > BEFORE, state.force, command)
     rate = (state.rate + T * w**2 * (command - force)) / (1 + 2 * shaping * w * T + (w * T) ** 2)
     return ShapedCommand(force + T * rate, rate), command - 2 * maximum(shaping - drum.damping, 0.0) / w * rate
+
+
+def attenuation(omega: Scalar, drum: DrumResonance, shaping: Scalar) -> Scalar:
+    """Magnitude of the filter at an angular frequency in rad/s: z/shaping at the resonance, 1 far from it.
+
+    Example:
+        >>> drum = DrumResonance(50.0, 0.2)
+        >>> [round(attenuation(omega, drum, 0.8), 2) for omega in (5.0, 50.0, 500.0)]
+        [0.99, 0.25, 0.99]
+    """
+    apart = (drum.frequency**2 - omega**2) ** 2
+    width = (2 * drum.frequency * omega) ** 2
+    return sqrt((apart + drum.damping**2 * width) / (apart + maximum(shaping, drum.damping) ** 2 * width))
