@@ -180,6 +180,7 @@ def main(words: Sequence[str] | None = None) -> int:
     add("--row", action="append", default=[], metavar="NAME", help="only this row; may be repeated")
     add("--json", type=Path, metavar="FILE", help="all numbers, a run each")
     add("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    add("--block", metavar="NAME", help="which of its tables (default: realistic, and the winch)")
     arguments = parser.parse_args(words)
     if arguments.machines < 1:
         parser.error(f"--machines {arguments.machines}: must be a whole number from 1")
@@ -208,7 +209,7 @@ def main(words: Sequence[str] | None = None) -> int:
         about = {"winch": arguments.winch, "seeds": list(seeds), "damping": damping, "config": str(arguments.config)}
         arguments.json.write_text(json.dumps(about | {"rows": kept}, indent=1))
     if arguments.write:
-        put(arguments.write, f"realistic {arguments.winch}", text)
+        put(arguments.write, arguments.block or f"realistic {arguments.winch}", text)
     return 0
 
 

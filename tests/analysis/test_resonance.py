@@ -59,6 +59,18 @@ def test_small_errors_see_a_steeper_law_and_large_ones_the_whole_observer() -> N
     assert large.feedback - 0.9 > law_of(paper).observer.l0 + 0.5 * law_of(paper).observer.kf
 
 
+def test_a_shaped_command_keeps_a_drum_still_that_would_swing_up() -> None:
+    """By eigenvalues; the rule attenuates the law's part of the feedback by z/shaping, and nothing else."""
+    plain = with_gain(MACHINES["`site`, damping 164"], UNDECIDED[1])
+    shaped = override(plain, both(gain__shaping=0.5))
+    assert [swings_up(each, PLACES[0]) for each in (plain, shaped)] == [True, False]
+    case_4 = override(case(4), both(winch__inertia=150.0, gain__damping=164.0, gain__ki=0.0, gain__kp=0.0))
+    drum, attenuated = (resonance_gains(each)[0] for each in (case_4, override(case_4, both(gain__shaping=1.5))))
+    ratio = drum.damping / (2 * drum.mass * 2 * math.pi * drum.frequency)
+    assert attenuated.feedback == pytest.approx(drum.feedback * ratio / 1.5)
+    assert (attenuated.damping, attenuated.mass) == (drum.damping, drum.mass)
+
+
 def test_a_survey_has_the_least_of_many_machines() -> None:
     site = load_ensemble("site")
     damped = replace(site, experiment=override(site.experiment, both(gain__damping=100.0)))
