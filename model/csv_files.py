@@ -319,12 +319,18 @@ def csv_units(path: Path) -> dict[str, str]:
         return {}  # another kind of metadata
 
 
+LATIN_CONTROLS = re.compile(rb"[\x81-\x9f]")
+"""Bytes that no text in Latin-1 has, and that nearly every Japanese word in Shift-JIS has."""
+
+
 def _decoded(path: Path) -> str:
+    """The text of a file in UTF-8, UTF-16, Shift-JIS or Latin-1."""
     data = path.read_bytes()
     if path.suffix.lower() == ".gz":
         data = gzip.decompress(data)
     wide = data[:2] in {b"\xff\xfe", b"\xfe\xff"}
-    codecs = ["utf-16"] if wide else ["utf-8-sig", "latin-1"]
+    narrow = ["utf-8-sig", *(["cp932"] if LATIN_CONTROLS.search(data) else []), "latin-1"]
+    codecs = ["utf-16"] if wide else narrow
     for first, codec in enumerate(("utf-16-be", "utf-16-le")):
         if data[first:20:2].count(0) > 8 and not wide:
             codecs = [codec]
@@ -337,7 +343,7 @@ def _decoded(path: Path) -> str:
             return text
         line = text[: text.index("\0")].count("\n") + 1
         raise ConfigurationError(f"{path}: line {line}: has NUL bytes, as of a block that was never written; remove it")
-    raise ConfigurationError(f"{path}: not UTF-8, UTF-16 or Latin-1 text")
+    raise ConfigurationError(f"{path}: not UTF-8, UTF-16, Shift-JIS or Latin-1 text")
 
 
 def _separator(text: str) -> str:

@@ -135,6 +135,15 @@ def test_encodings_names_with_spaces_and_colons_and_lines_before_the_header(tmp_
     is_as_written(read_log(file, column_map([*names[:2], "F1=Seil: Kraft [kN]:N"])), 1.0)
 
 
+def test_japanese_names_in_shift_jis_and_dashes_of_windows(tmp_path: Path) -> None:
+    file = written(
+        tmp_path / "rig.csv", "試験装置\n\n時刻;モータ1;モータ2;x;張力 [kN]", separator=";", encoding="cp932"
+    )
+    is_as_written(read_log(file, column_map(["t=時刻:s", "tau_1=モータ1:Nm", "tau_2=モータ2:Nm", "F1=張力"])), 1e3)
+    file = written(tmp_path / "rig.csv", "Prüfstand – 3\n\nt;tau_1;tau_2;x;Kraft", separator=";", encoding="cp1252")
+    is_as_written(read_log(file, column_map(["F1=Kraft:N"])))
+
+
 def test_a_packed_file_and_one_of_excel(tmp_path: Path) -> None:
     text = written(tmp_path / "rig.csv", "sep=;\nt;tau_1;tau_2;x;F1", separator=";").read_bytes()
     is_as_written(read_log(tmp_path / "rig.csv"))
