@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.document import put
-from benchmarks.quoted import heavy, paper_gains, sea, served, tuned
+from benchmarks.quoted import heavy, identified, paper_gains, sea, served, tuned
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,8 @@ BLOCKS = (
     Quoted("docs/commissioning.md", "outage", served.outage),
     Quoted("docs/commissioning.md", "registers", served.registers),
     Quoted("docs/commissioning.md", "clock", served.clock, 3),
+    Quoted("docs/identify.md", "alternatives", identified.alternatives),
+    Quoted("docs/identify.md", "identified", identified.example, 1),
     Quoted("docs/observability.md", "learnt", tuned.learnt, 5),
 )
 """Every block, in the order of the pages."""

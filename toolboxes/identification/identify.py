@@ -21,7 +21,7 @@ from dualwinch.toolbox import (
     progresses,
     with_leaves,
 )
-from dualwinch.toolboxes.identification.alternatives import START_UNDER_WAY
+from dualwinch.toolboxes.identification.alternatives import SEA, START_UNDER_WAY, Alternative
 from dualwinch.toolboxes.identification.alternatives import without as alternatives_without
 from dualwinch.toolboxes.identification.diagnostics import (
     check_fit,
@@ -109,7 +109,7 @@ def identify(
         seed: of these draws.
         profiles: estimated parameters for which to compute profile likelihoods.
         forces: whether to estimate the unrecorded force on the vehicle: `forces` of the result, for
-            ``disturbance.force``.
+            ``disturbance.force``. It includes any sea; vortices are as described.
         unrecorded: ratio of unrecorded to recorded RMS torque or force above which a fit is refused: the log is of
             another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
         plain: whether to fit the experiment as described only, without alternatives: quick, and right where innovations
@@ -117,7 +117,7 @@ def identify(
         without: names of alternatives that are not tried (`identification.alternatives.ALTERNATIVES`), such as ``sea``.
         options: of the method.
         workers: number of threads of this machine, or an executor; default: one thread per core.
-        progress: called repeatedly with the share of the work that is done.
+        progress: called repeatedly with the share of the work that is done, which never falls.
 
     Returns:
         Estimates with deviations and correlations, unidentifiable directions, and tests of the innovations. It has a
@@ -152,7 +152,7 @@ def identify(
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
     unknowns = unknown_parameters(names, experiment, known, options.search)
-    alternatives = alternatives_without(arguments.texts("without", without))
+    alternatives = _alternatives(arguments.texts("without", without), experiment, forces=forces)
     given = _checked_logs(given, experiment, options)
     if START_UNDER_WAY in alternatives and not plain:
         given = [with_vortex_origin(log, experiment, options) for log in given]
@@ -161,18 +161,19 @@ def identify(
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
     sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
 
+    forward = _Forward(progress)
+
     def of_first(fraction: float, phase: str = "", status: str = "") -> None:
-        progress(fraction / starts, phase, status)
+        forward(fraction / starts, phase, status)
 
     choice = ModelChoice(
         [log for log, _ in split], unknowns, options, executors.threads_of(workers), of_first, alternatives
     )
     sections = sections_of(choice.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
-    sea = not forces and experiment.plant.vehicle.water_density > GAS_DENSITY
-    model = choice.of(experiment, plausible, sea=sea, plain=plain)
+    model = choice.of(experiment, plausible, plain=plain)
     method, n = model.method, len(unknowns)
-    estimates = [*multistart(method, model.estimate, n, starts, seed, progress, workers), *model.others]
+    estimates = [*multistart(method, model.estimate, n, starts, seed, forward, workers), *model.others]
     estimates = sorted(estimates, key=lambda each: each.deviance)
     excess, recorded = plausible(estimates[0]), {name for log in given for name in log.readings}
     alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], recorded)
@@ -235,6 +236,23 @@ def identify(
         sheet_shares=np.clip(1 - np.diag(perfect) / np.diag(precise), 0.0, 1.0),
         widened=float(wider[:n].max(initial=1.0)),
     )
+
+
+def _alternatives(without: Sequence[str], experiment: Experiment, *, forces: bool) -> frozenset[Alternative]:
+    """The alternatives but some, and but a sea in a gas or where it would explain a part of an estimated force."""
+    gas = experiment.plant.vehicle.water_density < GAS_DENSITY
+    return alternatives_without([*without, *([SEA.name] if gas or forces else [])])
+
+
+class _Forward:
+    """A progress that never goes back, where searches that were not foreseen begin."""
+
+    def __init__(self, progress: progresses.PhaseProgress) -> None:
+        self._progress, self._share = progress, 0.0
+
+    def __call__(self, fraction: float, phase: str = "", status: str = "") -> None:
+        self._share = max(self._share, fraction)
+        self._progress(self._share, phase, status)
 
 
 def _logs(logs: Source | Sequence[Source], columns: Sequence[str] | Mapping[str, str], csv: str) -> list[Log]:

@@ -44,7 +44,7 @@ from dualwinch.toolboxes.identification.predictor import (
     predictor_structure,
     recorded,
 )
-from dualwinch.toolboxes.identification.resample import LogSection, counting, sections_of
+from dualwinch.toolboxes.identification.resample import LogSection, counting, delays_of, sections_of
 from dualwinch.toolboxes.identification.unknowns import (
     AMPLITUDE,
     STROUHAL,
@@ -257,16 +257,12 @@ class ModelChoice:
     alternatives: frozenset[Alternative] = frozenset(ALTERNATIVES)
 
     def of(
-        self,
-        experiment: Experiment,
-        check: Callable[[ParameterEstimate], Sequence[str]],
-        *,
-        sea: bool = True,
-        plain: bool = False,
+        self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, plain: bool = False
     ) -> FittedModel:
-        """Choose the model for an experiment as described; without a `sea` all unrecorded forces are combined.
+        """Choose the model for an experiment as described.
 
-        A `plain` choice is the described experiment, whatever its innovations.
+        Without a sea among the alternatives all unrecorded forces are combined, and vortices are as described. A
+        `plain` choice is the described experiment, whatever its innovations.
 
         `check` refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Only another delay
         can improve such an estimate, or a sea if a force is missing.
@@ -275,7 +271,7 @@ class ModelChoice:
             DivergedFilterError: the filter diverges with every model.
             ConfigurationError: the estimate is refused, or a parameter without a prior has no effect at all.
         """
-        sea = sea and SEA in self.alternatives
+        sea = SEA in self.alternatives
         if plain or not self.alternatives:
             model = self._fitted(experiment, self.unknowns, "fitting", (0.0, 1.0))
             check(model.estimate)
@@ -486,8 +482,8 @@ class ModelChoice:
         1. Candidates are measured and interpolated rows (`predictor.RecorderClock`), each with each delay and phase;
            their likelihoods are those of the start of the logs.
         2. ``None`` where rows at the samples are likelier, by their Bayesian information criteria (one parameter less);
-           also for torques that are not logged in every sample, and for ropes with mass, whose motion between samples
-           takes many steps.
+           also for torques that are not logged in every sample, for sensors with delays, and for ropes with mass, whose
+           motion between samples takes many steps.
         """
         step, simulation = experiment.simulation.sample_time, experiment.simulation
         spacings = [float(np.median(np.diff(log.t))) for log in self.logs]
@@ -498,6 +494,7 @@ class ModelChoice:
         if (
             not kinds
             or simulation.jitter
+            or any(delays_of(experiment.sensors).values())
             or max(spacings) >= self.options.search.coarse.min_spacing * step
             or structure.integrator != ONE_STEP
         ):
@@ -616,7 +613,10 @@ class ModelChoice:
         wide = replace(search, amplitude_share=search.wide_amplitude_share)
 
         def fitted(search: SearchOptions) -> FittedModel:
-            unknowns = *self.unknowns, *nuisance_parameters(keys, experiment, search)
+            nuisances = nuisance_parameters(keys, experiment, search)
+            if SEA not in self.alternatives:
+                nuisances = tuple(each for each in nuisances if each.key not in (STROUHAL, AMPLITUDE))
+            unknowns = *self.unknowns, *nuisances
             return self._fitted(experiment, unknowns, phase, shares)
 
         described, far = experiment.disturbance.vortex_amplitude, search.contradicting_amplitude

@@ -316,7 +316,7 @@ def predicted_system(
         if hasattr(structure, group)
     }
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
-    pulls, cells = physics.tensions(now.motion.plant, plant, given["t"]), now.load_cells
+    pulls, cells = _cell_tensions(now.motion.plant, plant, given["t"]), now.load_cells
     if isinstance(cells, sensing.LoadCells):
         cells, pulls = sensing.load_cells(cells, pulls, groups["sensors"], sample_time)
 
@@ -370,7 +370,7 @@ def predicted_system(
     def readings_after(time: ca.SX) -> ca.SX:
         """Readings some time after the step, or before it, with the torques of the step."""
         moved = _moved(structure, now.motion, held, time + LEAST_TIME, problem, symbols["parameters"])
-        pulls = physics.tensions(moved.plant, plant, given["t"] + time)
+        pulls = _cell_tensions(moved.plant, plant, given["t"] + time)
         if isinstance(cells, sensing.LoadCells):
             _, pulls = sensing.load_cells(cells, pulls, groups["sensors"], time + LEAST_TIME)
         return readings(moved, pulls)
@@ -387,6 +387,11 @@ def predicted_system(
         one_step=one_step,
         fitted=tuple(names["parameters"].index(key) for key in fitted),
     )
+
+
+def _cell_tensions(state: Any, plant: physics.Plant, t: Any) -> tuple[Any, Any]:
+    """Tensions in N at the load cells, before sheaves or beyond, at a time in s."""
+    return sensing.at_load_cells(state, physics.tensions(state, plant, t), plant)
 
 
 def _moved(

@@ -27,13 +27,17 @@ _ROUNDING = np.sqrt(np.finfo(float).eps)
 """Rounding error of the time of a row in samples, at most: a row at a sample is not one of the sample before."""
 
 
+def delays_of(sensors: sensing.Sensors) -> dict[str, float]:
+    """Delay in s of each reading, as described."""
+    encoders = dict.fromkeys(("theta_1", "theta_2", "omega_1", "omega_2"), sensors.encoder_delay)
+    cells = dict.fromkeys(("F1", "F2"), sensors.tension_delay)
+    return {"x": sensors.position_delay, "v": sensors.speed_delay} | cells | encoders
+
+
 def counting(sensors: sensing.Sensors) -> tuple[str, ...]:
     """Readings that count in steps larger than their noise: drum angles, and a position that is rounded coarsely."""
     coarse = sensors.position_resolution / math.sqrt(12) > sensors.position_noise
     return (*ANGLES, "x") if coarse else ANGLES
-
-
-"""Readings without noise, but quantised."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +89,10 @@ def resampled(
 ) -> tuple[Floats, Floats]:
     """Resampled inputs (samples, inputs) and readings (samples, readings) of a log.
 
-    Each reading is assigned to the nearest sample. With jitter (``simulation.jitter``), sample times are those of the
-    log, else multiples of the sample time. Torque commands are held until the next or, with ``options.torque_rows``, at
-    their mean between rows. They reach the motors ``simulation.delay_samples`` later; samples before the first arrival
-    are dropped.
+    Each reading is assigned to the sample nearest to its time less the described delay of its sensor. With jitter
+    (``simulation.jitter``), sample times are those of the log, else multiples of the sample time. Torque commands are
+    held until the next or, with ``options.torque_rows``, at their mean between rows. They reach the motors
+    ``simulation.delay_samples`` later; samples before the first arrival are dropped.
 
     Raises:
         ConfigurationError: too few rows, or no torque for longer than ``options.longest_gap``.
@@ -125,9 +129,11 @@ def resampled(
         at_row[numbers[fullest], :2] = np.column_stack([elapsed - step * numbers, elapsed])[fullest]
         at_row[:, 2] = step * (np.arange(count) % recorder.steps)
     else:
-        for column in range(len(READINGS)):
-            there = np.isfinite(rows[:, column])
-            readings[numbers[there], column] = rows[there, column]
+        delays = delays_of(experiment.sensors)
+        for column, name in enumerate(READINGS):
+            sensed = numbers - round(delays[name] / step)
+            valid = np.isfinite(rows[:, column]) & (sensed >= 0)
+            readings[sensed[valid], column] = rows[valid, column]
         at_row = np.zeros((count, 0))
     t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
     durations = np.diff(t, append=t[-1] + step)

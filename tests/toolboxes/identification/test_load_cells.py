@@ -72,3 +72,18 @@ def test_a_lag_that_nobody_described_is_found() -> None:
     assert found.experiment.sensors.load_cell_time_constant == pytest.approx(2e-3, rel=0.02)
     quick = identify(logged(machine()), ["plant.vehicle.mass"], machine())
     assert not any("load cells lag" in note for note in quick.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beyond", [0.0, 1.0])
+def test_friction_of_sheaves_is_found_wherever_the_cells_are(beyond: float) -> None:
+    sheaves = {
+        f"plant.winch_{number}.{name}": value
+        for number in (1, 2)
+        for name, value in (("sheave_friction", 0.03), ("cell_beyond", beyond))
+    }
+    right = override(machine(simulation__duration=8.0), sheaves)
+    nominal = override(right, {f"plant.winch_{number}.sheave_friction": 0.05 for number in (1, 2)})
+    found = identify(logged(right), ["plant.vehicle.mass", "plant.winch_*.sheave_friction"], nominal, plain=True)
+    assert (np.abs(found.values - [10000.0, 0.03, 0.03]) < 4 * found.deviations).all()
+    assert (found.deviations[1:] < 0.015).all()

@@ -36,6 +36,15 @@ def test_torques_arrive_late_and_readings_do_not() -> None:
         np.testing.assert_array_equal(at(readings, "x"), given["x"][late:])
 
 
+def test_readings_are_of_the_time_before_their_sensors_delay() -> None:
+    given = columns(F1=1000 + columns()["t"])
+    late = override(Experiment(), {"sensors.position_delay": 4.3e-3, "sensors.tension_delay": 2e-3})
+    _, readings = resampled(log(given), late)
+    for name, samples in (("x", 4), ("F1", 2)):
+        np.testing.assert_array_equal(at(readings, name)[:-samples], given[name][samples:])
+        assert np.isnan(at(readings, name)[-samples:]).all()
+
+
 def test_samples_that_jitter_are_when_the_log_says() -> None:
     early = np.random.default_rng(1).uniform(-5e-5, 5e-5, ROWS)
     given = columns()

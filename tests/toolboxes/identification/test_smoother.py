@@ -28,11 +28,6 @@ def found() -> IdentificationResult:
     return identify([log_of(simulate(gusty))], ["plant.rope_*.modulus"], CALM, forces=True)
 
 
-@pytest.mark.xfail(
-    strict=False,
-    reason="the choice between two close models hangs on the last bit: with some BLAS kernels a vortex that is not "
-    "there explains part of the gusts, and the force is 74 N off instead of 23",
-)
 def test_the_force_is_the_one_that_acted_as_well_as_is_said(found: IdentificationResult) -> None:
     (force,) = found.forces
     assert force.log == "run"
