@@ -11,7 +11,7 @@ from dualwinch.model.heavy_ropes import (
     wire_rope_mass,
 )
 from dualwinch.model.plant import Side
-from dualwinch.model.ropes import RopeLaw, Track
+from dualwinch.model.ropes import RopeLaw, Track, kelvin_voigt, stiffness
 from dualwinch.model.scalar import Scalar, present, sqrt
 from dualwinch.model.winch import total_inertia
 
@@ -51,3 +51,8 @@ def span_frequency(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track)
 def drum_frequency(side: Side, tension: Scalar, length: Scalar, track: Track) -> Scalar:
     """Angular frequency in rad/s of a drum on its taut rope under a tension in N."""
     return sqrt(side.rope.tangent(tension, length)[0] / moving_mass(side, length, track))
+
+
+def drum_impedance(side: Side, length: Scalar, track: Track) -> Scalar:
+    """``sqrt(k m)`` in N s/m of a drum on a taut rope: the amplitude of its tension over that of its speed."""
+    return sqrt(stiffness(length, kelvin_voigt(side.rope)) * moving_mass(side, length, track))

@@ -10,8 +10,13 @@ which as a motor torque per drum speed is sqrt(E A mu) R²/G.
 - A rope that is short at its winch is so stiff that a heavy drum oscillates at 80 Hz and more, where the lag of drive
   and sampling turns damping and proportional gain into excitation: there both are reduced with the rope's length
   (``fade``).
-- The torque limits, which follow from those of the tension, apply to tension control. Damping may reduce the torque
-  further, down to zero: a drum braked in one direction only would oscillate until its rope is slack.
+- The reference speed is that of the drum while the vehicle keeps to its own. Where a push or a weak drive holds the
+  vehicle back, the damping of that common motion is a force on it, and limited with the tension command. What is left,
+  of the drum relative to the vehicle, damps the oscillation; it may reduce the torque below the lower limit of the
+  tension, down to zero: a drum braked in one direction only would oscillate until its rope is slack.
+- A drum that swings on its rope overshoots its command. A reference governor limits the command so that the tension
+  predicted a quarter of a period ahead, where the speed of the stretch has become tension, is at most the largest
+  (`governed`). Every later peak is a quarter of a period ahead at some time.
 - The tension command is shaped by the drum's resonance (`controllers.coordinations.command_shaping`) to the damping
   ratio ``shaping``, which the position law sees in place of the drum's own.
 """
@@ -22,11 +27,12 @@ from typing import Annotated, Any
 import annotated_types as at
 
 from dualwinch.controllers.coordinations.command_shaping import DrumResonance, ShapedCommand, shaped
+from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.parts import Context
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.ropes import Track
-from dualwinch.model.scalar import Scalar, clip, minimum, present, where
+from dualwinch.model.scalar import Scalar, clip, maximum, minimum, present, where
 from dualwinch.model.winch import Winch, total_inertia
 
 LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
@@ -73,12 +79,34 @@ class WinchGains:
         """The gains for a rope of a length in m."""
         if not present(self.damping):
             return self
-        share = minimum(length / (self.fade * track.length), 1.0)
+        share = self.share(length, track)
         return replace(self, kp=share * self.kp, damping=share * self.damping)
 
     def initial_state(self) -> "WinchState":
         """An empty integral, and the state of the command's shaping where there is one."""
         return WinchState(shaped=ShapedCommand() if present(self.shaping) else NO_STATE)
+
+    def share(self, length: Scalar, track: Track) -> Scalar:
+        """Share of the gains of a damped winch on a rope of a length in m."""
+        return minimum(length / (self.fade * track.length), 1.0)
+
+
+@dataclass(frozen=True)
+class DrumMotion:
+    """How a drum turns.
+
+    Attributes:
+        alpha_d: acceleration of the reference in rad/s².
+        slip: speed beyond that of the reference in rad/s.
+        drift: the same of a drum that turns with the vehicle.
+        impedance: tension in N per rad/s that the speed of the drum relative to the vehicle becomes within a quarter of
+            a period, ``sqrt(k m) R`` with the rope's stiffness k and the mass m that moves.
+    """
+
+    alpha_d: Scalar = 0.0
+    slip: Scalar = 0.0
+    drift: Scalar = 0.0
+    impedance: Scalar = 0.0
 
 
 @dataclass(frozen=True)
@@ -96,8 +124,7 @@ def winch_step(
     state: WinchState,
     command: Scalar,
     tension: Scalar,
-    alpha_d: Scalar,
-    slip: Scalar,
+    motion: DrumMotion,
     winch: Winch,
     gains: WinchGains,
     context: Context,
@@ -108,28 +135,47 @@ def winch_step(
     The torque's limits follow from those of the tension; at a limit the integral is held. The lower limit does not
     apply to damping.
 
-    Command and measured tension are in N. `alpha_d` is the reference drum acceleration in rad/s² (E9: the measured one
-    would close an algebraic loop), `slip` the drum speed in rad/s beyond that of the reference. `drum` is the
-    resonance by which the command is shaped, where it is.
+    Command and measured tension are in N. The feedforward is that of the reference's acceleration (E9: the measured one
+    would close an algebraic loop). `drum` is the resonance by which the command is shaped, where it is.
     """
     limits, sample_time = context.limits, context.sample_time
     to_torque = winch.drum_radius / winch.gear_ratio
     shape = state.shaped
     if drum is not None:
         shape, command = shaped(shape, command, drum, gains.shaping, sample_time, state.primed)
+    slow, stretching = state.slip, 0.0
+    if present(gains.damping):
+        ahead, slow = _ahead(slow, motion.slip, gains.lead, sample_time)
+        stretching = ahead - motion.drift
+        command = governed(command - gains.damping / to_torque * motion.drift, motion, limits)
     error = command - tension
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
-    feedforward = to_torque * command + total_inertia(winch) / winch.gear_ratio * alpha_d
+    feedforward = to_torque * command + total_inertia(winch) / winch.gear_ratio * motion.alpha_d
     unlimited_torque = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
     torque = clip(unlimited_torque, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != unlimited_torque
-    slow = state.slip
     if present(gains.damping):
-        ahead, slow = _ahead(slow, slip, gains.lead, sample_time)
-        torque = clip(torque - gains.damping * ahead, 0.0, to_torque * limits.tension_max)
+        torque = clip(torque - gains.damping * stretching, 0.0, to_torque * limits.tension_max)
     clamped_integral = state.integral + sample_time * where(saturated, 0.0, error)
     return WinchState(clamped_integral, error, 1.0, slow, shape), torque, saturated
+
+
+def governed(command: Scalar, motion: DrumMotion, limits: Limits) -> Scalar:
+    """A tension command in N within its limits that the swinging drum does not make exceed the largest tension.
+
+    Reference governor (Garone, Di Cairano and Kolmanovsky, Automatica 75, 2017, 306-328) of the drum on its rope, whose
+    tension under a constant command c is ``F(t) = c + (F - c) cos(wt) + Z ds/dt sin(wt)``, ds/dt the speed of the
+    stretch: a quarter of a period ahead ``c + Z ds/dt``. The drum's damping, left out here, makes it less.
+
+    Example:
+        >>> limits = Limits(tension_max=6000.0)
+        >>> [governed(5500.0, DrumMotion(slip=slip, impedance=1e4), limits) for slip in (0.0, 0.1, -0.1)]
+        [5500.0, 5000.0, 5500.0]
+    """
+    swing = motion.impedance * maximum(motion.slip - motion.drift, 0.0)
+    largest = clip(limits.tension_max - swing, limits.tension_min, limits.command_max)
+    return clip(command, limits.tension_min, largest)
 
 
 LEAD_RATIO = 6.0

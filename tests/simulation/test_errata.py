@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dualwinch.controllers.coordinations.differential_tension import tension_commands
-from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
+from dualwinch.controllers.coordinations.winch_pid import DrumMotion, WinchGains, WinchState, winch_step
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
@@ -303,7 +303,7 @@ def test_e9_as_printed_the_torque_equation_has_no_solution() -> None:
 
 
 def test_e9_the_reference_acceleration_breaks_the_loop() -> None:
-    _, torque, _ = winch_step(WinchState(), 3000.0, 3000.0, 2.0, 0.0, Winch(), WinchGains(), CONTEXT)
+    _, torque, _ = winch_step(WinchState(), 3000.0, 3000.0, DrumMotion(alpha_d=2.0), Winch(), WinchGains(), CONTEXT)
     assert drum_acceleration(0.0, 3000.0, torque, Winch()) == pytest.approx(2)
 
 
@@ -313,7 +313,7 @@ def tension_after(seconds: float, gains: WinchGains) -> float:
     state, theta, omega = WinchState(), 2900 / stiffness(25.0, rope) / 0.8, 0.0
     force = 2900.0
     for _ in range(round(seconds / 1e-3)):
-        state, torque, _ = winch_step(state, 3000.0, force, 0.0, 0.0, nominal, gains, CONTEXT)
+        state, torque, _ = winch_step(state, 3000.0, force, DrumMotion(), nominal, gains, CONTEXT)
         for _ in range(5):
             force = one_sided(0.8 * theta, rope.tension(0.8 * theta, 0.8 * omega, 25.0))
             omega += 2e-4 * drum_acceleration(omega, force, torque, winch)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
-from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
+from dualwinch.controllers.coordinations.winch_pid import DrumMotion, WinchGains, WinchState, governed, winch_step
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
@@ -22,9 +22,12 @@ def step(
     alpha_d: float = 0.0,
     gains: WinchGains | None = None,
     slip: float = 0.0,
+    drift: float = 0.0,
 ) -> tuple[WinchState, float, float]:
     context = Context(Plant(), Limits(), 1e-3)
-    return winch_step(state, command, tension, alpha_d, slip, Winch(), gains or WinchGains(), context)
+    return winch_step(
+        state, command, tension, DrumMotion(alpha_d, slip, drift), Winch(), gains or WinchGains(), context
+    )
 
 
 @given(tensions, tensions, st.floats(-1e6, 1e6), st.floats(-1, 1))
@@ -77,6 +80,34 @@ def test_damping_acts_against_the_drum_below_the_lower_limit_of_what_follows_the
         assert (after.integral, saturated) == (0.0, False)
     _, torque, _ = step(WinchState(), 6000.0, 6000.0, gains=gains, slip=-0.03)
     assert torque == pytest.approx(0.8 / 36 * 6000)
+
+
+def test_damping_of_the_common_motion_is_limited_with_the_tension_and_that_of_the_stretch_is_not() -> None:
+    """Where nothing is limited, the sum is the damping of the drum against the reference."""
+    gains = WinchGains(kp=0.0, ki=0.0, damping=100.0)
+    for drift in (0.0, 0.02):
+        assert step(WinchState(), 3000.0, 3000.0, gains=gains, slip=0.1, drift=drift)[1] == pytest.approx(
+            0.8 / 36 * 3000 - 10
+        )
+    for drift, limit in ((-10.0, 6000.0), (10.0, 200.0)):
+        _, torque, _ = step(WinchState(), 3000.0, 3000.0, gains=gains, slip=drift + 0.02, drift=drift)
+        assert torque == pytest.approx(0.8 / 36 * limit - 2.0)
+
+
+@given(st.floats(0, 5900), st.floats(-1, 1), st.floats(5, 100))
+def test_governed_tension_of_an_undamped_drum_hardly_exceeds_its_limit(
+    start: float, speed: float, frequency: float
+) -> None:
+    """A mass on a spring, to the largest command: from rest it would reach twice the step, governed 16 % beyond it."""
+    limits, impedance, dt = Limits(), 1e4, 1e-4
+    tension, rate, peak = start, 0.05 * speed, start
+    for _ in range(round(2 * np.pi / frequency / dt)):
+        command = governed(6000.0, DrumMotion(slip=rate, impedance=impedance), limits)
+        rate += dt * frequency / impedance * (command - tension)
+        tension += dt * frequency * impedance * rate
+        peak = max(peak, tension)
+    unforced = np.hypot(start - 6000, 0.05 * speed * impedance)
+    assert peak <= max(6000 + 0.17 * unforced, start)
 
 
 def test_proportional_gain_and_damping_fade_on_a_short_rope_where_there_is_damping() -> None:
