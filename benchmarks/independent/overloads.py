@@ -1,13 +1,14 @@
-"""Gains on machines as they are built that are overloaded: pushes, payloads, drives that lack torque.
+"""Gains on machines as they are built that are overloaded, or whose sensors are wrong or late.
 
-``python -m benchmarks.independent.overloads --config best.toml`` prints a row for each overload, on machines with all
-effects of `benchmarks.independent.site`. The sizes are typical values: a push changes the vehicle's speed by 0.24 m/s,
-or lasts for most of the cruise; the drives' power is what 133 N m at 60 rad/s take.
+``python -m benchmarks.independent.overloads --config best.toml`` prints a row for each overload, or with ``--sensors``
+for each fault of a sensor, on machines with all effects of `benchmarks.independent.site`. The sizes are typical values:
+a push changes the vehicle's speed by 0.24 m/s, or lasts for most of the cruise; the drives' power is what 133 N m at
+60 rad/s take; a wheel slips for half a second.
 """
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -32,47 +33,76 @@ OVERLOADS: Mapping[str, Mapping[str, float]] = {
 }
 """Row → effects of the independent machine."""
 
+TOLD = "controller_kalman_position_delay"
+"""The filter's delay of the position sensor in s."""
+
+FAULTS: Mapping[str, Mapping[str, float]] = {
+    "none": {},
+    **{f"wheel slips by {share} %": {"wheel_slip": share / 100} for share in (30, 3, 1, 0.5)},
+    "position off by 20 mm for 1 s": {"position_fault": 0.02, "fault_length": 1.0},
+    "encoder 2 slips by 10 mm": {"encoder_slip_2": 0.01},
+    "load cells drift by 80 N": {"cell_drift_1": 80.0, "cell_drift_2": -80.0},
+    **{
+        f"position late by {late} ms, told {told} ms": {"position_late": late * 1e-3, TOLD: told * 1e-3}
+        for late, told in ((5, 5), (5, 6), (20, 20), (20, 19))
+    },
+}
+"""Row → effects of the independent machine, and what the filter is told."""
+
 LIMIT = 6000.0
 """tension_max in N."""
 
-HEADINGS = ("slack", "above 6 kN", "largest peak (N)", "median RMS (mm)", "median largest error (mm)")
+TENSIONS: Mapping[str, Callable[[Runs], str]] = {
+    "slack": lambda runs: f"{np.sum(runs.slack > 0)}",
+    "above 6 kN": lambda runs: f"{np.sum(runs.peak_tension > LIMIT)}",
+    "largest peak (N)": lambda runs: f"{np.max(runs.peak_tension):.0f}",
+}
+"""Columns of machines with a slack rope, those above the limit, and the largest tension."""
+
+ERRORS: Mapping[str, Callable[[Runs], str]] = {
+    "median RMS (mm)": lambda runs: _in_mm(np.median(np.sqrt(runs.mse))),
+    "median largest error (mm)": lambda runs: _in_mm(np.median(runs.largest_error)),
+}
+"""Columns of errors."""
 
 
-def cells(runs: Runs) -> list[str]:
-    """What a controller came to in a row: counts of machines, the largest tension, and errors."""
-    return [
-        f"{np.sum(runs.slack > 0)}",
-        f"{np.sum(runs.peak_tension > LIMIT)}",
-        f"{np.max(runs.peak_tension):.0f}",
-        f"{float(f'{1e3 * np.median(np.sqrt(runs.mse)):.3g}'):g}",
-        f"{float(f'{1e3 * np.median(runs.largest_error):.3g}'):g}",
-    ]
+def _in_mm(error: np.floating) -> str:
+    return f"{float(f'{1e3 * error:.3g}'):g}"
 
 
 def judged(
-    judges: Mapping[str, tuple[Judge, float]], seeds: Sequence[int], settings: Mapping[str, float] | None = None
+    judges: Mapping[str, tuple[Judge, float]],
+    seeds: Sequence[int],
+    rows: Mapping[str, Mapping[str, float]] = OVERLOADS,
+    settings: Mapping[str, float] | None = None,
 ) -> dict[str, dict[str, Runs]]:
     """Runs of every row by every controller with its damping of drum speeds: row → name → runs.
 
-    `settings` are further ones of every run.
+    `settings` are further ones of every run. What the filter is told is left out where a controller has none.
     """
-    calm, found = Conditions(outage_length=0.0), dict[str, dict[str, Runs]]()
-    for row, overload in OVERLOADS.items():
+    calm = Conditions(outage_length=0.0)
+    heavy = {f"nominal_winch_{number}_inertia": KNOWN for number in (1, 2)}
+    runs: dict[str, dict[str, Runs]] = {}
+    for row, effects in rows.items():
         sys.stderr.write(f"{row}\n")
-        found[row] = {}
+        runs[row] = {}
         for name, (judge, damping) in judges.items():
-            known = {f"nominal_winch_{number}_inertia": KNOWN for number in (1, 2)} | {"speed_damping": damping}
-            effects = {**known, **overload, **(settings or {})}
-            found[row][name] = judge.run(calm, seeds, lambda seed, own=effects: {**draw(seed, tuple(EFFECTS)), **own})
-    return found
+            told = {key: value for key, value in effects.items() if key != TOLD or damping == 0.0}
+            constant = {**heavy, "speed_damping": damping, **told, **(settings or {})}
+            runs[row][name] = judge.run(
+                calm, seeds, lambda seed, constant=constant: {**draw(seed, tuple(EFFECTS)), **constant}
+            )
+    return runs
 
 
-def table(found: Mapping[str, Mapping[str, Runs]]) -> str:
-    """A row for each overload, with the columns of `HEADINGS` for each controller."""
-    names = list(next(iter(found.values())))
-    headings = ["overload", *(f"{name}: {heading}" for name in names for heading in HEADINGS)]
+def table(
+    runs: Mapping[str, Mapping[str, Runs]], columns: Mapping[str, Callable[[Runs], str]], first: str = "overload"
+) -> str:
+    """A row for each overload or fault, with the columns for each controller."""
+    names = list(next(iter(runs.values())))
+    headings = [first, *(f"{name}: {heading}" for name in names for heading in columns)]
     return markdown(
-        headings, [[row, *(cell for of in runs.values() for cell in cells(of))] for row, runs in found.items()]
+        headings, [[row, *(cell(of) for of in by.values() for cell in columns.values())] for row, by in runs.items()]
     )
 
 
@@ -85,33 +115,45 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     add = parser.add_argument
     add("--config", type=Path, metavar="FILE", required=True, help="gains: best.toml of `dualwinch tune`")
+    add("--sensors", action="store_true", help="faults and delays of sensors, with the filter's gate and without")
     add("--linear-speed", type=float, default=0.01, metavar="FLOAT", help="of the gains in m/s (default: 0.01)")
     add("--machines", type=int, default=40, metavar="INT", help="machines in each row (default: 40)")
     add("--seed", type=int, default=1, metavar="INT", help="of the first machine (default: 1)")
     add("--paper-damping", type=float, default=140.0, metavar="FLOAT", help="of drum speeds beside the paper's gains")
-    add("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    add("--write", type=Path, metavar="FILE", help="document whose tables are replaced")
     arguments = parser.parse_args(words)
     try:
         with TemporaryDirectory() as folder:
-            gains = dualwinch.load(arguments.config)
-            experiments = {
-                "gains": dualwinch.override(gains, {"controller.nftsm.linear_speed": arguments.linear_speed}),
-                "the same, a power throughout": dualwinch.override(gains, {"controller.nftsm.linear_speed": 0.0}),
-                "paper": Experiment(controller=paper_controller()),
-            }
+            gains = dualwinch.override(
+                dualwinch.load(arguments.config), {"controller.nftsm.linear_speed": arguments.linear_speed}
+            )
+            experiments = {"gains": gains, "paper": Experiment(controller=paper_controller())}
+            if arguments.sensors:
+                delayed = dualwinch.override(gains, {"controller.kalman.position_delay": 1e-3})
+                gated = dualwinch.override(delayed, {"controller.trust.false_alarm": FALSE_ALARM})
+                experiments = {"gate": gated, "no gate": delayed}
             judges: dict[str, tuple[Judge, float]] = {}
             for name, experiment in experiments.items():
                 (place := Path(folder) / name.replace(" ", "_")).mkdir()
                 judges[name] = Judge(experiment, place), arguments.paper_damping if name == "paper" else 0.0
-            found = judged(judges, range(arguments.seed, arguments.seed + arguments.machines))
+            rows = {row: {TOLD: 0.0, **fault} for row, fault in FAULTS.items()} if arguments.sensors else OVERLOADS
+            runs = judged(judges, range(arguments.seed, arguments.seed + arguments.machines), rows)
     except (ConfigurationError, ValueError, RuntimeError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    text = f"{table(found)}\n\n*{arguments.machines} machines in each row, of seeds from {arguments.seed}.*"
+    note = f"*{arguments.machines} machines in each row, of seeds from {arguments.seed}.*"
+    if arguments.sensors:
+        text = f"{table(runs, {**TENSIONS, **ERRORS}, 'fault')}\n\n{note}"
+    else:
+        text = f"{table(runs, TENSIONS)}\n\n{table(runs, ERRORS)}\n\n{note}"
     print(text)
     if arguments.write:
-        put(arguments.write, "overloads", text)
+        put(arguments.write, "sensors" if arguments.sensors else "overloads", text)
     return 0
+
+
+FALSE_ALARM = 1e-6
+"""Probability with which the gate rejects a sound reading: once in a quarter of an hour."""
 
 
 if __name__ == "__main__":

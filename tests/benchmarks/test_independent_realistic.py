@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.independent.judge import SAMPLES, Conditions, Judge, Runs
-from benchmarks.independent.overloads import OVERLOADS, judged, table
+from benchmarks.independent.overloads import OVERLOADS, TENSIONS, judged, table
 from benchmarks.independent.realistic import ON_SITE, Verdict, main, rows
 from benchmarks.independent.site import EFFECTS, draw
 from dualwinch.controllers.paper_controller import paper_controller
@@ -36,10 +36,10 @@ def test_every_row_sets_what_the_machine_knows(paper: Judge, winch: str) -> None
 
 
 def test_every_overload_is_one_that_the_machine_knows(paper: Judge) -> None:
-    rows = judged({"paper": (paper, 120.0)}, [1], {"give_up": 1e-9})
+    rows = judged({"paper": (paper, 120.0)}, [1], settings={"give_up": 1e-9})
     assert rows.keys() == OVERLOADS.keys()
     assert all(runs["paper"].samples[0] < 100 for runs in rows.values())
-    assert table(rows).count("\n") == len(OVERLOADS) + 1
+    assert table(rows, TENSIONS).count("\n") == len(OVERLOADS) + 1
 
 
 def test_what_the_machine_does_not_know_is_refused(paper: Judge) -> None:
