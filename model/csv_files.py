@@ -142,10 +142,10 @@ def named_columns(table: Sequence[TableColumn], name: str) -> list[TableColumn]:
     forms = [[each.header for each in table], [each.header.rpartition(".")[2] for each in table]]
     forms.append([each.name for each in table])
     composed = partial(normalize, "NFC")
-    found = [
+    tables = [
         [each for each, form in zip(table, names, strict=True) if composed(form) == composed(name)] for names in forms
     ]
-    return next((each for each in found if each), [])
+    return next((each for each in tables if each), [])
 
 
 def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
@@ -174,13 +174,13 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
         raise ConfigurationError(f"{path}: is empty")
     widths = Counter(len(row) for _, row in islice(rows, SAMPLE))
     usual = max(widths, key=lambda width: (widths[width], width))
-    first = _header_row([row for _, row in islice(rows, SAMPLE)], usual)
-    if first is None:  # columns are named by their numbers
+    header_row = _header_row([row for _, row in islice(rows, SAMPLE)], usual)
+    if header_row is None:  # columns are named by their numbers
         header = [str(number) for number in range(1, usual + 1)]
     else:
-        header = [cell.strip() for cell in rows[first][1][: _width(rows[first][1], usual)]]
+        header = [cell.strip() for cell in rows[header_row][1][: _width(rows[header_row][1], usual)]]
         header[:1] = [each.lstrip("#% ") or each for each in header[:1]]
-        rows = rows[first + 1 :]
+        rows = rows[header_row + 1 :]
     cut = _cut_end(rows, len(header), separator, ended=text.endswith(("\n", "\r")))
     units = _units_below(rows, len(header))
     for line, row in rows:
@@ -189,16 +189,16 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     cells = list(zip(*(row[: len(header)] for _, row in rows), strict=True)) or [()] * len(header)
     lines = [line for line, _ in rows]
     beside = csv_units(path)
-    found = []
+    columns = []
     for text_of_header, stated, texts, mark in zip(header, units, cells, _decimal_marks(cells, decimal), strict=True):
-        name, own = split_header(text_of_header)
+        name, unit_of_header = split_header(text_of_header)
         values, words, stamps = _numbers(texts, mark)
-        unit = own or stated or beside.get(name)
+        unit = unit_of_header or stated or beside.get(name)
         other = stated if stated and unit and is_unit(stated) and not is_same_unit(unit, stated) else None
-        found.append(
+        columns.append(
             TableColumn(text_of_header, name, unit, values, stamps, texts, words, lines, other_unit=other, cut=cut)
         )
-    return found
+    return columns
 
 
 def _rows(text: str, separator: str, path: Path) -> list[tuple[int, list[str]]]:
@@ -331,8 +331,8 @@ def _decoded(path: Path) -> str:
     wide = data[:2] in {b"\xff\xfe", b"\xfe\xff"}
     narrow = ["utf-8-sig", *(["cp932"] if LATIN_CONTROLS.search(data) else []), "latin-1"]
     codecs = ["utf-16"] if wide else narrow
-    for first, codec in enumerate(("utf-16-be", "utf-16-le")):
-        if data[first:20:2].count(0) > 8 and not wide:
+    for offset, codec in enumerate(("utf-16-be", "utf-16-le")):
+        if data[offset:20:2].count(0) > 8 and not wide:
             codecs = [codec]
     for codec in codecs:
         try:
@@ -410,8 +410,8 @@ def _stamp(cell: str, *, day_first: bool = False) -> float | None:
     """Seconds since 1970 of a time stamp, or since midnight of a time of day; month first unless `day_first`."""
     cell = cell.strip()
     if parts := re.fullmatch(r"(\d{1,2})([./])(\d{1,2})[./](\d{4})[ T]+(.*)", cell):
-        first, second = int(parts[1]), int(parts[3])
-        month, day = (first, second) if parts[2] == "/" and not day_first else (second, first)
+        number_1, number_2 = int(parts[1]), int(parts[3])
+        month, day = (number_1, number_2) if parts[2] == "/" and not day_first else (number_2, number_1)
         cell = f"{parts[4]}-{month:02}-{day:02}T{parts[5]}"
     if parts := re.fullmatch(CLOCK, cell) or re.fullmatch(MINUTES, cell):
         days, hours, minutes, seconds = (float((part or "0").replace(",", ".")) for part in parts.groups())
@@ -419,10 +419,10 @@ def _stamp(cell: str, *, day_first: bool = False) -> float | None:
     cell = re.sub(r"^(\d{4})/(\d\d)/", r"\1-\2-", cell)
     for text in (cell, f"1970-01-01T{cell}") if ":" in cell else ():
         try:
-            found = datetime.fromisoformat(text)
+            instant = datetime.fromisoformat(text)
         except ValueError:
             continue
-        return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+        return (instant if instant.tzinfo else instant.replace(tzinfo=UTC)).timestamp()
     return None
 
 
@@ -446,14 +446,14 @@ def _numbers(cells: Sequence[str], mark: str) -> tuple[Floats, list[int], bool]:
     minutes = all(re.fullmatch(MINUTES, cells[row].strip()) for row in filled)
     period = HOUR if minutes else DAY
     if stamps and np.nanmax(values) < period:  # times of day, which restart at midnight, or of an hour
-        known = np.isfinite(values)
-        values[known] += period * np.cumsum(np.diff(values[known], prepend=0.0) < -period / 2)
+        finite = np.isfinite(values)
+        values[finite] += period * np.cumsum(np.diff(values[finite], prepend=0.0) < -period / 2)
     return values, words, stamps
 
 
 def _span(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if len(known) else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def _cells(

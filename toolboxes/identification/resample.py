@@ -73,15 +73,15 @@ def sections_of(
     Raises:
         ConfigurationError: as in `resampled`.
     """
-    found: list[LogSection] = []
+    sections: list[LogSection] = []
     for log in logs:
         inputs, readings = resampled(log, experiment, options)
         whole = [slice(0, len(readings))]
-        found += [
+        sections += [
             LogSection(log.name, np.ascontiguousarray(inputs[rows]), np.ascontiguousarray(readings[rows]))
             for rows in (whole if standstill else moving_intervals(readings, experiment, options))
         ]
-    return tuple(found)
+    return tuple(sections)
 
 
 def resampled(
@@ -145,8 +145,8 @@ def resampled(
 def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Floats:
     """The time of every sample: that of its last row, interpolated in between."""
     last = np.append(np.diff(numbers) > 0, True)
-    own = numbers[last] * step
-    return np.arange(count) * step + np.interp(np.arange(count) * step, own, t[last] - own)
+    nominal = numbers[last] * step
+    return np.arange(count) * step + np.interp(np.arange(count) * step, nominal, t[last] - nominal)
 
 
 def _even(elapsed: Floats, step: float) -> Floats:
@@ -242,15 +242,15 @@ def moving_intervals(
     positions = {"theta_1": winches[0].drum_radius, "theta_2": winches[1].drum_radius, "x": 1.0}
     for name, radius in positions.items():
         values = radius * readings[:, READINGS.index(name)]
-        known = np.flatnonzero(np.isfinite(values))
-        if len(known) > 1:
+        rows = np.flatnonzero(np.isfinite(values))
+        if len(rows) > 1:
             break
     else:
         return whole
     half = max(1, round(options.standstill_window / 2 / step))
-    position = np.interp(np.arange(-half, len(values) + half), known, values[known])
+    position = np.interp(np.arange(-half, len(values) + half), rows, values[rows])
     fast = np.abs(position[2 * half :] - position[: -2 * half]) > options.standstill_speed * 2 * half * step
     edges = np.flatnonzero(np.diff(fast.astype(int), prepend=0, append=0))
-    found = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.min_move_time]
-    moving = sum(each.stop - each.start for each in found) * step
-    return found if moving >= options.min_moving_time else whole
+    moves = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.min_move_time]
+    moving = sum(each.stop - each.start for each in moves) * step
+    return moves if moving >= options.min_moving_time else whole
