@@ -164,7 +164,7 @@ def test_an_interrupt_writes_what_is_finished(
 ) -> None:
     monkeypatch.setattr("dualwinch.toolboxes.race.race.race", lambda **_: replace(made_up(), remaining=2))
     with pytest.raises(SystemExit) as ended:
-        main(["race", "--out", str(tmp_path)])
+        main(["race", "--ensemble", "rig", "--out", str(tmp_path)])
     assert ended.value.code == 130
     assert (tmp_path / "race.json").exists()
     said = capsys.readouterr()
