@@ -200,14 +200,17 @@ def test_a_shove_beyond_the_loops_linear_range_fades(gains: str) -> None:
     assert off[t > 26].max() < 0.02
 
 
-def test_a_linear_speed_bounds_the_tension_after_a_shove() -> None:
-    """5 kN for 3 s: at the speed errors that they leave, a power of it keeps the drums oscillating at 10 Hz."""
+def test_a_linear_speed_calms_the_drums_after_a_shove() -> None:
+    """5 kN for 3 s: at the speed errors that they leave, a power of it keeps the drums oscillating at 10 Hz.
+
+    The governor of the tension commands bounds the tension either way.
+    """
     times, forces = [0.0, 2.0, 2.001, 5.0, 5.001, 50.0], [0.0, 0.0, -5e3, -5e3, 0.0, 0.0]
     shove = {f"disturbance.force.{key}": value for key, value in (("times", times), ("values", forces), ("unit", "N"))}
     shoved = dw.override(dw.load(INDEPENDENT / "tuned_in_site.toml"), {**shove, "simulation.duration": 12.0})
     power, linear = (
         dw.simulate(dw.override(shoved, {"controller.nftsm.linear_speed": speed})).metrics for speed in (0.0, 0.01)
     )
-    limit = 1.25 * shoved.controller.limits.tension_max
-    assert linear.peak_tension < 0.9 * limit < limit < power.peak_tension
+    assert max(linear.peak_tension, power.peak_tension) < shoved.controller.limits.tension_max
+    assert 1.5 * linear.chatter < power.chatter
     assert linear.mse < 1.05 * power.mse

@@ -78,7 +78,7 @@ def test_without_their_size_effects_are_not_there() -> None:
 
 
 def test_bristles_too_stiff_for_the_steps_are_refused() -> None:
-    stiff = machine(EFFECTS | {"plant.vehicle.bristle_stiffness": 1e14}, 0.1)
+    stiff = machine(EFFECTS | {"plant.vehicle.bristle_stiffness": 1e14, "simulation.integrator": "verlet"}, 0.1)
     with pytest.raises(
         ConfigurationError, match=r"substeps = 20: must be >= 59 for verlet .*vehicle on its bristles oscillates"
     ):
