@@ -38,9 +38,6 @@ TOGETHER = 48
 ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
 """Keys of the sliding-mode law's odd powers of the speed error."""
 
-REACHING = "controller.nftsm.eta", "controller.nftsm.phi", "controller.nftsm.linear_speed"
-"""Keys of its reaching law, whose boundary layer widens with the speed error where the last is not 0."""
-
 
 UNSTABLE, UNSTEADY = "unstable", "no steady motion"
 """Reasons for a margin of 0."""
@@ -99,8 +96,6 @@ class MarginSurvey:
     law feeds back odd powers of it, whose slopes at zero say little about a loop with noisy sensors. For an amplitude,
     the slopes are replaced by describing functions (Khalil, Nonlinear Systems, 2002, Section 7.2): the smoothing is set
     such that the slope of ``|e2|^(2 - p/q)`` equals its describing function; that of ``|e2|^(p/q)`` is then within 4 %.
-    Where the boundary layer widens with the speed error, the reaching law is less steep by the same share as its
-    describing function.
 
     Attributes:
         machines: the given machines.
@@ -141,7 +136,6 @@ class MarginSurvey:
         self._columns = [loop.parameters.index(name) for name in names]
         self._length = loop.parameters.index("plant.track.length")
         self._powers = [loop.parameters.index(key) for key in ODD_POWERS if key in loop.parameters]
-        self._reaching = [loop.parameters.index(key) for key in REACHING if REACHING[-1] in loop.parameters]
         self._amplitudes = tuple(amplitudes) if self._powers else (0.0,)
         self._points = [np.array(survey_points(experiment)) for experiment in calm]
         self.loops = np.array(
@@ -271,12 +265,6 @@ class MarginSurvey:
         slope = describing_gain(amplitude, 2 - p / q, smoothing)
         changed = parameters.copy()
         changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
-        if self._reaching:
-            eta, phi, linear_speed = self._reaching
-            widened = describing_gain(amplitude, p / q, smoothing, parameters[:, linear_speed])
-            share = widened / describing_gain(amplitude, p / q, smoothing)
-            changed[:, eta] *= share
-            changed[:, phi] /= share
         return changed
 
     def _of_places(

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from dualwinch.analysis import margin_survey
-from dualwinch.analysis.describing_function import amplitude_sweep
 from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, survey_points
 from dualwinch.analysis.margins import BOTH, MARGIN_KINDS, margins
@@ -258,14 +257,3 @@ def test_points_are_ends_and_middle_of_the_track_at_rest_and_at_cruise() -> None
     assert sorted({v for _, v in points}) == pytest.approx([-1.8, 0.0, 1.8])
     beyond = override(PAPER, {"reference.speed": 3.0})
     assert {v for _, v in survey_points(beyond)} == {0.0}, "it takes more force than there is"
-
-
-@pytest.mark.parametrize("linear_speed", [0.0, 0.01])
-def test_margins_at_an_amplitude_are_those_of_the_describing_functions(
-    linear_speed: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    gains = override(PAPER, {"controller.nftsm.linear_speed": linear_speed, "controller.nftsm.phi": 0.1})
-    at(monkeypatch, [(25.0, 0.0)])
-    (worst,) = MarginSurvey([gains], amplitudes=[0.01], openings=("u",), compiled=False).worst([[]], ["disk"])
-    (point,) = amplitude_sweep(gains, 25.0, 0.0, amplitudes=(0.01,))
-    assert worst["disk"].value == pytest.approx(point.margins.disk, rel=0.06)

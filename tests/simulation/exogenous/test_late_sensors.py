@@ -121,9 +121,8 @@ def test_the_gain_for_a_late_position_is_stable_where_that_for_a_punctual_one_is
         gain[:, 1] = 0.0  # without a speed sensor
         return np.abs(np.linalg.eigvals(move @ (np.eye(3) - gain @ seen))).max()
 
-    blind = {"speed_noise": 1e6, "bandwidth": 30.0}
-    assert growth(KalmanGains(**blind)) > 1
-    assert growth(KalmanGains(position_delay=delay, **blind)) < 1
+    assert growth(KalmanGains(speed_noise=1e6, bandwidth=30.0)) > 1
+    assert growth(KalmanGains(speed_noise=1e6, bandwidth=30.0, position_delay=delay)) < 1
 
 
 def test_margins_are_smaller_where_sensors_are_late() -> None:
