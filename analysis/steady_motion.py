@@ -11,6 +11,7 @@ knows their true values (`Estimator.informed`), and they are no states of the li
 scales that is usual for slow adaptation (Sastry and Bodson, *Adaptive Control*, 1989, Chapter 4).
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,13 +40,16 @@ from dualwinch.simulation.sensors import Noise, measure
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-RESIDUAL, STEP = 1e-10, 1e-6
+RESIDUAL, STEP = math.sqrt(np.finfo(float).eps), 1e-6
 """Tolerances of convergence relative to a state's size: residual, a state's change over a sample beyond steady motion
 and rounding; and the next Newton step.
 
 The residual alone says little about a slow state, such as an integral, which may be far from its steady value.
+
 Rounding is one unit in the last place of each value in the residual (the componentwise backward error of Oettli and
-Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N.
+Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N. Within the sample it
+may be more, such as that of a speed estimate that is multiplied by the damping of drums: below the tolerance Newton's
+method goes on as long as every step halves the residual.
 """
 
 ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
