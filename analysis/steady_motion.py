@@ -47,9 +47,9 @@ and rounding; and the next Newton step.
 The residual alone says little about a slow state, such as an integral, which may be far from its steady value.
 
 Rounding is one unit in the last place of each value in the residual (the componentwise backward error of Oettli and
-Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N. Within the sample it
-may be more, such as that of a speed estimate that is multiplied by the damping of drums: below the tolerance Newton's
-method goes on as long as every step halves the residual.
+Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N. Within the sample
+it may be more, such as that of a speed estimate that is multiplied by the damping of drums: below the tolerance
+Newton's method goes on as long as every step halves the residual.
 """
 
 ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
