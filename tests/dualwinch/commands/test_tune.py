@@ -171,7 +171,7 @@ def test_the_report_compares_in_the_file_of_an_ensemble_of_ones_own(
         [distributions]
         "plant.vehicle.mass" = { uniform = [0.9, 1.1], of = "nominal" }
     """)
-    words = ("--constraint", "none", "--scenarios", 2, "--trials", 16, "--out", tmp_path / "out")
+    words = ("--constraint", "none", "--scenarios", 2, "--trials", 64, "--out", tmp_path / "out")
     assert dualwinch("tune", "--ensemble", mine, *words) == 0
     (following,) = re.findall(r"next: (dualwinch compare .*)", capsys.readouterr().err)
     assert f"--ensemble '{mine}'" in following
