@@ -1,1 +1,1 @@
-"""Pictures of the control, drawn as SVG by ``python -m docs.pictures``."""
+"""Pictures of machine and control, drawn as SVG by ``python -m docs.pictures``."""

@@ -34,16 +34,6 @@ from dualwinch.simulation.scenario import Scenario
 Floats = NDArray[np.float64]
 
 
-def required_force(experiment: Experiment, every: int = 50) -> Floats:
-    """Net rope force in N required of the motors along the reference, at every `every`-th sample (instants,).
-
-    It follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with inextensible ropes: masses times
-    the reference's acceleration, plus friction, drag and vortex forces at its speed. The motors can deliver
-    ``tension_max - tension_min`` in either direction (paper Section 3.1.1). Disturbances vary over seconds.
-    """
-    return np.asarray(force_law()(outside_at(experiment, every), force_parameters(experiment)), float).ravel()
-
-
 def outside_at(experiment: Experiment, every: int) -> Floats:
     """Inputs of `force_law` at every `every`-th sample, (7, instants)."""
     sea = np.array([signal[::every] for signal in sea_signals(experiment)])
@@ -78,7 +68,10 @@ LANES, PIECE = 16, 64
 def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
     """The force that each of many runs requires of its motors; disturbances are drawn in vector lanes.
 
-    Every `every`-th sample is evaluated, as in `required_force`.
+    The required net rope force follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with
+    inextensible ropes: masses times the reference's acceleration, plus friction, drag and vortex forces at its speed.
+    The motors can deliver ``tension_max - tension_min`` in either direction (paper Section 3.1.1). Disturbances vary
+    over seconds, so that every `every`-th sample is evaluated.
 
     Raises:
         DualwinchError: no compiler or no usable cache folder.
@@ -112,15 +105,6 @@ def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
         blocks += [(shared, motion, places[start : start + LANES], runs[start : start + LANES]) for start in firsts]
     map_all(block, blocks)
     return [demands[place] for place in range(len(scenarios))]
-
-
-def within_authority(scenarios: Scenarios) -> NDArray[np.bool_]:
-    """(n,) whether each run is within the actuators' authority: it requires no more force than the motors can deliver.
-
-    Raises:
-        DualwinchError, KeyboardInterrupt: as in `force_demands`.
-    """
-    return np.array([demand.share <= 1 for demand in force_demands(scenarios)], bool)
 
 
 def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) -> float:
@@ -214,7 +198,7 @@ INTERIOR_POINT = {
 def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int = 40) -> float:
     """Lower bound of the mean square error in m² of a run under any controller; 0 within the actuators' authority.
 
-    Minimises the mean of e² over the vehicle's motion, subject to a required force (`required_force`) of at most
+    Minimises the mean of e² over the vehicle's motion, subject to a required force (`force_demands`) of at most
     ``tension_max - tension_min`` in either direction (paper Section 3.1.1), with speed and acceleration by central
     differences. Drag and friction make the problem non-convex. IPOPT starts from a feasible motion
     (`saturated_motion`), without which it often finds none.

@@ -12,8 +12,7 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.animation import LEFT, RIGHT, SLACK, animation, colour, labelled_machine
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.animation import LEFT, RIGHT, SLACK, animation, colour
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -113,13 +112,6 @@ def test_a_run_without_rows_cannot_be_played() -> None:
     bare = simulate(case(4), stride=0)
     with pytest.raises(ConfigurationError, match="stride >= 1"):
         animation(bare)
-
-
-@pytest.mark.parametrize("experiment", [None, case(1)])
-def test_the_labelled_machine_stands_still_and_names_its_symbols(experiment: Experiment | None) -> None:
-    text = labelled_machine(experiment)
-    assert "<animate" not in text
-    assert {"F₁", "F₂", "x, v", "θ₁, ω₁, τ₁"} <= {element.text for element in ET.fromstring(text).iter()}  # noqa: S314
 
 
 def test_simulate_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.batch.authority import force_demands, required_force
+from dualwinch.simulation.batch.authority import force_demands, force_law, force_parameters, outside_at
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+
+
+def required_force(experiment: Experiment, every: int = 50) -> np.ndarray:
+    return np.array(force_law()(outside_at(experiment, every), force_parameters(experiment))).ravel()
 
 
 def test_it_is_the_plants_equation_on_the_reference() -> None:

@@ -12,7 +12,6 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
 from dualwinch.model.signals import Signal
-from dualwinch.simulation.batch.authority import required_force
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
@@ -26,6 +25,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.tuning_problem import configuration, tuning_problem
 from tests.oracle.sampled import Scenario, run
+from tests.simulation.batch.test_required_force import required_force
 from tests.tiers import all_but
 
 SHORT = Simulation(duration=4.0, integrator="exponential", substeps=8)
