@@ -4,19 +4,17 @@
 ratios (a minute); ``--write FILE`` puts them between the file's two marks.
 """
 
-import argparse
 import platform
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 import dualwinch as dw
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from benchmarks.hand_c import MissingCompilerError, hand_adaptive
 from dualwinch.codegen.compiler import vector_features
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
@@ -170,10 +168,9 @@ def measure(calls: dict[str, Timed], rounds: int) -> None:
 
 def main() -> int:
     """Run the command line; 0 done, 1 where a compiler is missing."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser = command(__doc__)
     parser.add_argument("--rounds", type=int, default=11, metavar="N", help="rounds in which calls take turns (11)")
     parser.add_argument("--duration", type=float, default=50.0, metavar="S", help="simulated time (50 s)")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
     arguments = parser.parse_args()
     if arguments.rounds < 1:
         parser.error(f"--rounds {arguments.rounds}: must be >= 1")
@@ -183,10 +180,7 @@ def main() -> int:
     except (DualwinchError, MissingCompilerError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    text = table(calls, vector_features(), cores())
-    print(text)
-    if arguments.write:
-        put(arguments.write, "rates", text)
+    publish(arguments.write, {"rates": table(calls, vector_features(), cores())})
     return 0
 
 

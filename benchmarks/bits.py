@@ -3,16 +3,14 @@
 ``python -m benchmarks.bits`` prints it; ``--write FILE`` puts it between the file's two marks.
 """
 
-import argparse
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 
@@ -69,13 +67,7 @@ def bits(name: str) -> str:
 
 def main() -> None:
     """Print or write the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.bits", description=__doc__)
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
-    document = parser.parse_args().write
-    text = bits("rig")
-    print(text)
-    if document:
-        put(document, "bits", text)
+    publish(command(__doc__).parse_args().write, {"bits": bits("rig")})
 
 
 if __name__ == "__main__":

@@ -3,16 +3,14 @@
 ``python -m benchmarks.convergence`` prints the table; ``--write FILE`` puts it between the file's two marks.
 """
 
-import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from rich.progress import track
 
-from benchmarks.document import put
+from benchmarks.document import command, publish
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
@@ -107,15 +105,8 @@ def markdown() -> str:
 
 
 def main() -> None:
-    """Print the table, or write it into a file."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.convergence", description=__doc__)
-    parser.add_argument("--write", type=Path, metavar="FILE", help="file with the two marks")
-    target = parser.parse_args().write
-    table = markdown()
-    if target is None:
-        print(table)
-        return
-    put(target, "convergence", table)
+    """Print or write the table."""
+    publish(command(__doc__).parse_args().write, {"convergence": markdown()})
 
 
 if __name__ == "__main__":

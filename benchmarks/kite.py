@@ -5,13 +5,12 @@ reads the cycles (.csv) in a folder and prints a column for each. Beside what is
 stiffness could show in it, and what a regression makes of it.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, put
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.toolboxes.identification.log import read_columns
 
@@ -70,9 +69,8 @@ def _quick(values: np.ndarray) -> np.ndarray:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 done, 1 where there is nothing to read."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command(__doc__)
     parser.add_argument("folder", type=Path, help="folder with cycles")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced by two cycles")
     chosen = parser.parse_args(arguments)
     files = sorted(chosen.folder.glob("*.csv"))
     try:

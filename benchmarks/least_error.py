@@ -10,15 +10,13 @@ is a lower bound of every controller's error.
 ``python -m benchmarks.least_error`` prints a row for each ensemble; ``--write FILE`` puts them between the marks.
 """
 
-import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dualwinch
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.vehicle import drag
@@ -150,14 +148,8 @@ def table() -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print the table, and write it where that is asked for."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--write", type=Path, metavar="FILE", help="page whose table is written")
-    asked = parser.parse_args(arguments)
-    found = table()
-    print(found)
-    if asked.write:
-        put(asked.write, "least error", found)
+    """Print or write the table."""
+    publish(command(__doc__).parse_args(arguments).write, {"least error": table()})
 
 
 if __name__ == "__main__":

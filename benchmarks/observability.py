@@ -8,14 +8,12 @@ its inverse is the covariance that no estimator can do better than (Cramér and 
 ``python -m benchmarks.observability`` prints the table; ``--write FILE`` puts it between its two marks.
 """
 
-import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from dualwinch.controllers.estimators.encoder_calibration import DrumGains
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.plant import Plant
@@ -137,14 +135,8 @@ def table() -> str:
 
 
 def main() -> None:
-    """Print or write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
-    arguments = parser.parse_args()
-    text = table()
-    print(text)
-    if arguments.write:
-        put(arguments.write, "observability", text)
+    """Print or write the table."""
+    publish(command(__doc__).parse_args().write, {"observability": table()})
 
 
 if __name__ == "__main__":

@@ -4,15 +4,13 @@
 between the page's marks.
 """
 
-import argparse
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 import dualwinch as dw
-from benchmarks.document import put
+from benchmarks.document import command, publish
 from benchmarks.paper_effects import LAW, WITHOUT, choices_table, facts_table
 from dualwinch.cli.reproduce import other_observers
 from dualwinch.controllers.controller import Controller
@@ -90,15 +88,8 @@ TABLES = {"claims": claims_list, "choices": choices_table, "facts": facts_table}
 
 
 def main() -> None:
-    """Print or write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", type=Path, metavar="FILE", help="page whose tables are replaced")
-    arguments = parser.parse_args()
-    for mark, table in TABLES.items():
-        text = table()
-        print(text, end="\n\n")
-        if arguments.write:
-            put(arguments.write, mark, text)
+    """Print or write the tables."""
+    publish(command(__doc__).parse_args().write, {mark: table() for mark, table in TABLES.items()})
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ matiec (``iec2c``) turns IEC 61131-3 into C. It is free software under its own l
 is built in a folder of its own, whose path the command takes.
 """
 
-import argparse
 import ctypes
 import subprocess
 import sys
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from benchmarks.embedded.host import Host, build
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
@@ -105,13 +104,13 @@ def compiled_st(folder: Path, controller: Block, precision: Precision, iec2c: Pa
     outputs = "\n  ".join(f"output[{k}] = __GET_VAR(instance.{name});" for k, name in enumerate(names[1]))
     (folder / "glue.c").write_text(GLUE.format(real=real, inputs=inputs, outputs=outputs))
     compiler = [*find_compiler().command, "-O1", "-ffp-contract=off", "-w", "-shared", "-fPIC", "-I", library / "C"]
-    for command in (
+    for call in (
         [iec2c.resolve(), "-I", library, "-T", ".", "all.st"],
         [*compiler, "-I", ".", "glue.c", "-o", "st.so", "-lm"],
     ):
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise RuntimeError((done.stdout + done.stderr)[:2000])
+        outcome = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
+        if outcome.returncode:
+            raise RuntimeError((outcome.stdout + done.stderr)[:2000])
     return ctypes.CDLL(str(folder / "st.so"))
 
 
@@ -198,7 +197,7 @@ def loads() -> str:
 
 def main() -> int:
     """Run the command line; 0 done, 1 where a compiler is missing or refuses its input."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.plc", description=__doc__)
+    parser = command(__doc__)
     parser.add_argument(
         "iec2c",
         type=Path,
@@ -206,16 +205,12 @@ def main() -> int:
         metavar="IEC2C",
         help="matiec's compiler, in its own folder beside lib/; without it only the operations of a sample are counted",
     )
-    parser.add_argument("--write", type=Path, metavar="FILE", help="put the tables between the marks of a document")
     chosen = parser.parse_args()
     if chosen.iec2c and not chosen.iec2c.is_file():
         parser.error(f"{chosen.iec2c}: there is no such file")
     try:
         tables = {"plc load": loads()} | ({"plc": comparisons(chosen.iec2c)} if chosen.iec2c else {})
-        for mark, text in tables.items():
-            print(f"{text}\n")
-            if chosen.write:
-                put(chosen.write, mark, text)
+        publish(chosen.write, tables)
     except (RuntimeError, OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

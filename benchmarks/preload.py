@@ -3,16 +3,13 @@
 ``python -m benchmarks.preload`` prints the table (five minutes); ``--write FILE`` puts it between the file's marks.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.document import markdown, put, times
-from benchmarks.scored import SCENARIOS, SEED, TEST_SEED, searched
+from benchmarks.document import command, markdown, publish, times
 from dualwinch import tuning_problem
 from dualwinch.analysis.preload import optimal_preload
 from dualwinch.config.ensemble_file import load_ensemble
@@ -23,9 +20,17 @@ from dualwinch.simulation.batch.authority import within_authority
 from dualwinch.simulation.ensembles.comparison import Comparison, compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.constraints import NO_HEAVIER, NO_PEAK, NO_SLACK, QUIET
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.tune import tune
 
 ENSEMBLE = "sea"
 """Where gains are tuned and scored."""
+
+ROLLOUTS, SEED = 20_000, 1
+"""Length of a search, which on two cores takes about a minute, and its seed."""
+
+TEST_SEED, SCENARIOS = 7, 200
+"""Seed and number of the scenarios that score."""
 
 SCHEDULED = "controller.coordination.kind=scheduled-preload"
 
@@ -44,6 +49,11 @@ HEADINGS = (
     "largest (N)",
     "chatter over the paper's",
 )
+
+
+def searched(problem: TuningProblem) -> Controller:
+    """The best controller that a search finds."""
+    return tune(problem, rollouts=ROLLOUTS).best.controller
 
 
 def controllers() -> Iterator[tuple[str, Controller]]:
@@ -102,13 +112,7 @@ def _row(result: Comparison, name: str) -> list[str]:
 
 def main() -> None:
     """Tune, score, and print or write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose tables are replaced")
-    arguments = parser.parse_args()
-    text = table()
-    print(text)
-    if arguments.write:
-        put(arguments.write, f"preload in {ENSEMBLE}", text)
+    publish(command(__doc__).parse_args().write, {f"preload in {ENSEMBLE}": table()})
 
 
 if __name__ == "__main__":

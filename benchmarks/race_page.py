@@ -4,7 +4,6 @@
 between its two marks, ``--figures FOLDER`` copies the figures to there.
 """
 
-import argparse
 import json
 import math
 import shutil
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.toolboxes.race.entries import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER_LAW
 from dualwinch.toolboxes.race.scores import below_words, ratio_words, spaced
@@ -181,9 +180,8 @@ def _read(folder: Path) -> Record:
 
 def main() -> None:
     """Print or write the tables of a race."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command(__doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="of `dualwinch race`")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose tables are replaced")
     parser.add_argument("--figures", type=Path, metavar="FOLDER", help="where the figures are copied to")
     arguments = parser.parse_args()
     race = _read(arguments.folder)
@@ -192,10 +190,7 @@ def main() -> None:
         "race": f"{race_table(race)}\n\n{facts(race)}",
         "least error": least(race),
     }
-    for mark, text in texts.items():
-        print(text, end="\n\n")
-        if arguments.write:
-            put(arguments.write, mark, text)
+    publish(arguments.write, texts)
     if arguments.figures:
         for name, copied in FIGURES.items():
             shutil.copyfile(arguments.folder / name, arguments.figures / copied)

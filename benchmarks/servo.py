@@ -7,7 +7,6 @@ fits a winch's numbers to both logs in a folder (DATA_EMPS.mat, DATA_EMPS_PULSES
 squares of the filtered inverse model, reads the same logs beside it; ``--write`` puts the table into a document.
 """
 
-import argparse
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.signal import butter, decimate, sosfiltfilt
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -149,18 +148,14 @@ def table(folder: Path) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 done, 1 where there is nothing to read."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command(__doc__)
     parser.add_argument("folder", type=Path, help=f"folder with {' and '.join(LOGS)}")
-    parser.add_argument("--write", type=Path, help="document to put the table into")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        text = table(given.folder)
+        publish(options.write, {"servo": table(options.folder)})
     except ConfigurationError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(text)
-    if given.write:
-        put(given.write, "servo", text)
     return 0
 
 

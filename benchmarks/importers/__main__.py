@@ -3,8 +3,6 @@
 ``--write FILE`` puts the table between the file's two marks.
 """
 
-import argparse
-import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -14,9 +12,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from benchmarks.document import markdown, put
+from benchmarks.document import command, markdown, publish
 from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
 from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
@@ -63,27 +60,19 @@ def answers(folder: Path, version: int, reference: Floats, expected: Floats) -> 
     return findings
 
 
-def main() -> int:
+def main() -> None:
     """Export, run, print or write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
-    chosen = parser.parse_args()
+    document = command(__doc__).parse_args().write
     reference, expected = exogenous_signals(case(4))[:, :3], simulate(case(4)).columns["x"]
-    table = Table("importer", "FMI 2", "FMI 3", box=None)
     with tempfile.TemporaryDirectory() as made, Console(stderr=True).status("running"):
         folder = Path(made)
         for version in (2, 3):
             for name in BLOCKS:
                 export_fmu(case(4), folder / f"{name}{version}.fmu", block=name, fmi=version)
         both = [answers(folder, version, reference, expected) for version in (2, 3)]
-    for name in both[0]:
-        table.add_row(name, *(findings[name] for findings in both))
-    Console(width=120).print(table)
-    if chosen.write:
-        rows = [[name, *(findings[name] for findings in both)] for name in both[0]]
-        put(chosen.write, "importers", markdown(["importer", "FMI 2", "FMI 3"], rows))
-    return 0
+    rows = [[name, *(findings[name] for findings in both)] for name in both[0]]
+    publish(document, {"importers": markdown(["importer", "FMI 2", "FMI 3"], rows)})
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
