@@ -110,7 +110,7 @@ def compiled_st(folder: Path, controller: Block, precision: Precision, iec2c: Pa
     ):
         outcome = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
         if outcome.returncode:
-            raise RuntimeError((outcome.stdout + done.stderr)[:2000])
+            raise RuntimeError((outcome.stdout + outcome.stderr)[:2000])
     return ctypes.CDLL(str(folder / "st.so"))
 
 
