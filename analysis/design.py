@@ -253,11 +253,11 @@ def designed(
         values = leaves(experiment)
         row = [values[name] for name in names]
         loops = np.flatnonzero([machine in verified for machine in survey.loops[:, 0].tolist()])
-        least = _LeastMargins.of(survey, row, bounds, loops)
+        at_loops = _LeastMargins.of(survey, row, bounds, loops)
         limits, noise = limits_of(experiment, shares), tension_noise(experiment)
-        design = Design(experiment, limits, shares, least.margins, bounds, noise, len(machines), least.unsteady)
+        design = Design(experiment, limits, shares, at_loops.margins, bounds, noise, len(machines), at_loops.unsteady)
         if not design.violations and len(verified) < len(machines):
-            loops = np.union1d(loops, survey.loops_at(least.places))
+            loops = np.union1d(loops, survey.loops_at(at_loops.places))
             design = replace(design, margins=_LeastMargins.of(survey, row, bounds, loops).margins)
             verified |= {design.margins[kind].machine for kind in design.violations}
         if not design.violations:
@@ -284,14 +284,14 @@ class _LeastMargins:
     @classmethod
     def of(cls, survey: MarginSurvey, row: Sequence[float], kinds: Collection[str], loops: Indices) -> "_LeastMargins":
         by_rule, of_loops = set(kinds) & MARGIN_AMPLITUDES.keys(), set(kinds) - MARGIN_AMPLITUDES.keys()
-        (margins,), (found,) = survey.of_loops([row], of_loops, loops), survey.worst([row], by_rule, loops)
+        (margins,), (smallest,) = survey.of_loops([row], of_loops, loops), survey.worst([row], by_rule, loops)
         steady = [number for number, each in enumerate(margins) if all(one.reason != UNSTEADY for one in each.values())]
         places = set[tuple[int, int]]()
         for kind in of_loops:
-            least = min(steady or range(len(margins)), key=lambda number: comparable_value(margins[number][kind]))
-            found[kind] = margins[least][kind]
-            places.add(tuple(survey.loops[loops[least], 1:].tolist()))
-        return cls(found, places, 1 - len(steady) / len(margins))
+            worst_loop = min(steady or range(len(margins)), key=lambda number: comparable_value(margins[number][kind]))
+            smallest[kind] = margins[worst_loop][kind]
+            places.add(tuple(survey.loops[loops[worst_loop], 1:].tolist()))
+        return cls(smallest, places, 1 - len(steady) / len(margins))
 
 
 def tension_noise(experiment: Experiment) -> float:

@@ -120,7 +120,7 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
     point = loop_operating_point(experiment, x, v)
     loop = point.loop
     structure = with_taut_ropes(structure_of(point.experiment))
-    outputs, state_indices = _outputs(loop), point.kept
+    outputs, state_indices = _outputs(loop), point.kept_states
     motions = state_indices[state_indices < loop.move.numel_in("motion")]
     sample = _closed_sample(structure, tuple(state_indices.tolist()))
     states = np.array([point.state, *neighbours(point.state)])
@@ -187,7 +187,7 @@ def loop_opened_at(point: LoopOperatingPoint, opening: str) -> LinearSystem:
     )
     inputs, outputs = ([f"{signal}_{end}" for signal in signals] for end in ("in", "out"))
     unit = point.loop.quantities[LOOP_OPENINGS[signals[0]]].unit
-    return _named(point, matrices, point.kept, inputs, outputs, dict.fromkeys([*inputs, *outputs], unit))
+    return _named(point, matrices, point.kept_states, inputs, outputs, dict.fromkeys([*inputs, *outputs], unit))
 
 
 def closed(loop: LinearSystem) -> LinearSystem:

@@ -125,8 +125,8 @@ class MarginSurvey:
         """
         self._compiled = compiled
         self.machines, self._threads, self._openings = tuple(machines), threads, openings
-        calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
-        nominal = [given.nominal if isinstance(given, Scenario) else None for given in machines]
+        calm = [in_calm(machine.experiment if isinstance(machine, Scenario) else machine) for machine in machines]
+        nominal = [machine.nominal if isinstance(machine, Scenario) else None for machine in machines]
         calm_nominal = [plant and still_plant(plant) for plant in nominal]
         self._structure = with_taut_ropes(structure_of(calm[0]))
         self._dt = calm[0].simulation.sample_time
@@ -176,25 +176,25 @@ class MarginSurvey:
             KeyboardInterrupt: interrupted.
             DualwinchError: no compiler or no usable cache folder.
         """
-        chosen = np.arange(len(self.loops)) if loops is None else loops
-        found = [of_row[0] for of_row in self._least(values, kinds, chosen, np.zeros(len(chosen), np.intp))]
+        indices = np.arange(len(self.loops)) if loops is None else loops
+        of_rows = [of_row[0] for of_row in self._least(values, kinds, indices, np.zeros(len(indices), np.intp))]
         for kind in MARGIN_AMPLITUDES.keys() & set(kinds):
-            for of_row, resonances in zip(found, self._resonances(values, kind), strict=True):
+            for of_row, resonances in zip(of_rows, self._resonances(values, kind), strict=True):
                 of_row[kind] = min(resonances, key=comparable_value)
-        return found
+        return of_rows
 
     def each(
         self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
         """`worst` for each machine that has some of the loops: kind → smallest margin, for each of the n sets."""
-        chosen = np.arange(len(self.loops)) if loops is None else loops
-        machines, group = np.unique(self.loops[chosen, 0], return_inverse=True)
-        found = self._least(values, kinds, chosen, group)
+        indices = np.arange(len(self.loops)) if loops is None else loops
+        machines, group = np.unique(self.loops[indices, 0], return_inverse=True)
+        of_rows = self._least(values, kinds, indices, group)
         for kind in MARGIN_AMPLITUDES.keys() & set(kinds):
-            for of_row, resonances in zip(found, self._resonances(values, kind), strict=True):
+            for of_row, resonances in zip(of_rows, self._resonances(values, kind), strict=True):
                 for of_machine, machine in zip(of_row, machines, strict=True):
                     of_machine[kind] = resonances[machine]
-        return found
+        return of_rows
 
     def of_loops(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None
@@ -203,8 +203,8 @@ class MarginSurvey:
 
         Margins far above the smallest are only read off a frequency grid.
         """
-        chosen = np.arange(len(self.loops)) if loops is None else loops
-        return self._least(values, kinds, chosen, np.arange(len(chosen)), roughly=True)
+        indices = np.arange(len(self.loops)) if loops is None else loops
+        return self._least(values, kinds, indices, np.arange(len(indices)), roughly=True)
 
     def _least(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices, group: Indices, *, roughly: bool = False
@@ -214,42 +214,40 @@ class MarginSurvey:
         `group` is the index of the group of each loop, from 0. Roughly: margins far above the smallest of all groups
         are only read off a frequency grid.
         """
-        given, of_loops = (
-            np.atleast_2d(np.asarray(values, float)),
-            [kind for kind in kinds if kind not in MARGIN_AMPLITUDES],
-        )
-        found = [[dict[str, WorstMargin]() for _ in range(int(group.max()) + 1)] for _ in given]
+        rows = np.atleast_2d(np.asarray(values, float))
+        of_loops = [kind for kind in kinds if kind not in MARGIN_AMPLITUDES]
+        of_rows = [[dict[str, WorstMargin]() for _ in range(int(group.max()) + 1)] for _ in rows]
         if not of_loops:
-            return found
-        asked: dict[tuple[int, int], list[tuple[int, int]]] = {}
+            return of_rows
+        loops_of_place: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), group.tolist(), strict=True):
-            asked.setdefault((machine, point), []).append((amplitude, number))
+            loops_of_place.setdefault((machine, point), []).append((amplitude, number))
         open_sample(self._structure, compiled=self._compiled)  # compiled once, before the threads start
-        places = [(row, *place) for row in range(len(given)) for place in asked]
-        work = partial(self._of_places, given, asked=asked, kinds=of_loops, roughly=roughly)
+        places = [(row, *place) for row in range(len(rows)) for place in loops_of_place]
+        work = partial(self._of_places, rows, loops_of=loops_of_place, kinds=of_loops, roughly=roughly)
         parts = _in_chunks(work, places, self._threads)
         for row, number, worst in parts:
             for kind, one in worst.items():
-                found[row][number][kind] = min(found[row][number].get(kind, one), one, key=comparable_value)
-        return found
+                of_rows[row][number][kind] = min(of_rows[row][number].get(kind, one), one, key=comparable_value)
+        return of_rows
 
     def _resonances(self, values: ArrayLike, kind: str) -> list[list[WorstMargin]]:
         """Margins of the drum resonances of all machines, at the worst amplitude of a kind, for each of the n sets."""
-        given, count = np.atleast_2d(np.asarray(values, float)), len(self.machines)
-        machines = np.tile(np.arange(count), len(given))
-        parameters = self._parameters_with(np.repeat(given, count, axis=0), machines)
+        rows, count = np.atleast_2d(np.asarray(values, float)), len(self.machines)
+        machines = np.tile(np.arange(count), len(rows))
+        parameters = self._parameters_with(np.repeat(rows, count, axis=0), machines)
         middle = parameters[:, self._length] / 2
         amplitudes = MARGIN_AMPLITUDES[kind]
         terms = resonance_terms(self._structure, parameters, middle, amplitudes)
         terms = terms.reshape(len(machines), -1, terms.shape[-1])
-        worst, found = comparable(terms[..., -1]).argmax(axis=1), []
+        worst, margins = comparable(terms[..., -1]).argmax(axis=1), []
         for number, (index, x) in enumerate(zip(worst.tolist(), middle.tolist(), strict=True)):
             frequency, *_, gain = terms[number, index].tolist()
             opening, omega = f"tau_{1 + index % 2}", 2 * math.pi * frequency
             margin, machine = 1 / gain if gain else math.inf, int(machines[number])
             amplitude = amplitudes[index // 2] if kind == LARGE_SIGNAL else 0.0
-            found.append(WorstMargin(margin, machine, x, 0.0, opening, omega, amplitude=amplitude))
-        return [found[first : first + count] for first in range(0, len(found), count)]
+            margins.append(WorstMargin(margin, machine, x, 0.0, opening, omega, amplitude=amplitude))
+        return [margins[begin : begin + count] for begin in range(0, len(margins), count)]
 
     def _parameters_with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
         """Parameters (n, parameters) of machines with values (n, names) of the varied numbers."""
@@ -271,50 +269,50 @@ class MarginSurvey:
         self,
         values: Floats,
         places: Sequence[tuple[int, int, int]],
-        asked: Mapping[tuple[int, int], Sequence[tuple[int, int]]],
+        loops_of: Mapping[tuple[int, int], Sequence[tuple[int, int]]],
         kinds: Sequence[str],
         *,
         roughly: bool,
     ) -> list[tuple[int, int, dict[str, WorstMargin]]]:
         """The smallest margins of groups of loops at some places: row, group and margins.
 
-        A place is a row of the values (n, names), a machine and a point; `asked` are amplitude and group of every loop
+        A place is a row of the values (n, names), a machine and a point; `loops_of`: amplitude and group of each loop
         there. The steady motion hardly depends on the amplitude: that of the first one is the initial guess for the
         others.
         """
         rows, machines, _ = np.array(places).T
         parameters = self._parameters_with(values[rows], machines)
         x, v = np.array([self._points[machine][point] for _, machine, point in places]).T
-        loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]
+        loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in loops_of[of[0], of[1]]]
         place, amplitude, number = np.array(loops).T
         group, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)
         member = member.ravel()
-        first, opened, order, steady = None, [], [], np.zeros(len(loops), bool)
+        guess, opened, order, steady = None, [], [], np.zeros(len(loops), bool)
         for index, size in enumerate(self._amplitudes):
             mine = np.flatnonzero(amplitude == index) if index else np.arange(len(places))
             at = place[mine] if index else mine
             steep = self._with_describing_slope(size, parameters[at])
-            begun = None if first is None else first[at]
-            found = loop_operating_points(self._structure, steep, x[at], v[at], begun=begun, compiled=self._compiled)
-            if first is None:
-                first, mine = found, np.flatnonzero(amplitude == index)
-                found = found[place[mine]]
-            steady[mine] = found.steady
-            order.append(mine[found.steady])
-            opened.append([matrix[found.steady] for matrix in found.opened])
+            begun = None if guess is None else guess[at]
+            points = loop_operating_points(self._structure, steep, x[at], v[at], begun=begun, compiled=self._compiled)
+            if guess is None:
+                guess, mine = points, np.flatnonzero(amplitude == index)
+                points = points[place[mine]]
+            steady[mine] = points.steady
+            order.append(mine[points.steady])
+            opened.append([matrix[points.steady] for matrix in points.opened])
         which, stable = np.concatenate(order), steady.copy()
         A, B, C, D = (np.concatenate(parts) for parts in zip(*opened, strict=True))
         closed = complementary(A, B, C, D, self._dt)
         stable[which] = closed.stable
         among = rows[place[which]] if roughly else None
-        least = least_margins(closed, member[which], kinds, len(group), self._openings, among=among)
-        found_of = []
+        smallest = least_margins(closed, member[which], kinds, len(group), self._openings, among=among)
+        margins_of_groups = []
         for index, (row, of) in enumerate(group.tolist()):
             mine = np.flatnonzero(member == index)
             failed = mine[~stable[mine]]
             words = {}
             for kind in kinds:
-                one = least[index][kind]
+                one = smallest[index][kind]
                 at_loop = int(failed[0]) if len(failed) else int(which[one.loop]) if one.loop >= 0 else int(mine[0])
                 spot = int(machines[place[at_loop]]), float(x[place[at_loop]]), float(v[place[at_loop]])
                 size = self._amplitudes[amplitude[at_loop]]
@@ -323,8 +321,8 @@ class MarginSurvey:
                     words[kind] = WorstMargin(0.0, *spot, reason=reason, amplitude=size)
                 else:
                     words[kind] = WorstMargin(one.value, *spot, one.opening, one.frequency, "", size)
-            found_of.append((row, of, words))
-        return found_of
+            margins_of_groups.append((row, of, words))
+        return margins_of_groups
 
 
 def _in_chunks(
@@ -336,6 +334,6 @@ def _in_chunks(
         KeyboardInterrupt: interrupted.
     """
     size = max(1, min(TOGETHER, math.ceil(len(items) / (threads or cores()))))
-    chunks = [items[first : first + size] for first in range(0, len(items), size)]
+    chunks = [items[begin : begin + size] for begin in range(0, len(items), size)]
     with threadpool_limits(1, user_api="blas"):
         return [each for chunk in map_all(work, chunks, threads) for each in chunk]

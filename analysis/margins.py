@@ -150,8 +150,8 @@ def margins(loop: LinearSystem) -> Margins:
         nowhere = math.nan
         return Margins(*(False, 1.0, nowhere, 1.0, nowhere, 0.0, nowhere, 0.0, nowhere, 0.0, 1.0, 0.0, nowhere))
     closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
-    (least,) = least_margins(closed, np.zeros(1, np.intp), (*MARGIN_KINDS, "fall"), 1, grid=FINE)
-    gain, phase, delay, disk, fall = least.values()
+    (smallest,) = least_margins(closed, np.zeros(1, np.intp), (*MARGIN_KINDS, "fall"), 1, grid=FINE)
+    gain, phase, delay, disk, fall = smallest.values()
     least_gain = 1 / fall.value if fall.value < ROUND_OFF_MARGIN else 0.0
     if fall.frequency == 0:  # for a slow loop T is round-off there, L is not
         least_gain = max((-1 / value for value in _at_rest(loop) if value <= -1), default=0.0)

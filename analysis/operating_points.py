@@ -97,7 +97,7 @@ class LoopOperatingPoint:
         row: column → value of the result's row there.
         residual: largest relative change of a state that is not held over a sample beyond the steady motion.
         opened: A, B, C, D of the loop opened at all of `LOOP_OPENINGS`, as in `LoopOperatingPoints.opened`.
-        kept: indices of its states among those of the closed loop.
+        kept_states: indices of its states among those of the closed loop.
     """
 
     loop: ClosedLoop
@@ -108,7 +108,7 @@ class LoopOperatingPoint:
     row: dict[str, float]
     residual: float
     opened: tuple[Floats, Floats, Floats, Floats]
-    kept: NDArray[np.intp]
+    kept_states: NDArray[np.intp]
 
 
 def loop_operating_point(
@@ -155,7 +155,7 @@ def loop_operating_point(
     row = dict(zip(loop.columns, np.array(loop.observe(state, outside, parameters)).ravel().tolist(), strict=True))
     row |= {"x": x, "v": v}  # as given, without round-off
     residual = float(motion.residual[0])
-    return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, motion.opened, motion.kept)
+    return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, motion.opened, motion.kept_states)
 
 
 def with_taut_ropes(structure: LoopStructure) -> LoopStructure:

@@ -94,7 +94,7 @@ class LoopOperatingPoints:
         parameters, state, outside: (s, parameters), (s, states), (s, exogenous) vectors of the closed loop.
         leaving: (s, 3) signals injected at the openings.
         carried: (s,) the vehicle's motion in m per sample.
-        kept: (n,) indices of the states of the linearised loop, without learnt and bookkeeping ones.
+        kept_states: (n,) indices of the states of the linearised loop, without learnt and bookkeeping ones.
         repeats: (s,) whether every state repeats there, i.e. convergence.
         facts: (s, 4) force command before and after its limit, and both tensions, in N.
         residual: (s,) largest remaining relative change of a state.
@@ -106,7 +106,7 @@ class LoopOperatingPoints:
     outside: Floats
     leaving: Floats
     carried: Floats
-    kept: NDArray[np.intp]
+    kept_states: NDArray[np.intp]
     repeats: Flags
     facts: Floats
     residual: Floats
@@ -115,8 +115,8 @@ class LoopOperatingPoints:
     @property
     def steady(self) -> Flags:
         """(s,) whether all states repeat, ropes are taut and the force command is within its limits."""
-        command, left, *pulls = self.facts.T
-        return self.repeats & (command == left) & (np.min(pulls, axis=0) > 0)
+        command, limited, *pulls = self.facts.T
+        return self.repeats & (command == limited) & (np.min(pulls, axis=0) > 0)
 
     @property
     def opened(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -124,7 +124,7 @@ class LoopOperatingPoints:
 
         Shapes (s, n, n), (s, n, 3), (s, 3, n) and (s, 3, 3).
         """
-        n = len(self.kept)
+        n = len(self.kept_states)
         by_state, by_leaving = self.slopes[:, : n + 3, :n], self.slopes[:, : n + 3, n + 1 :]
         return by_state[:, :n], by_leaving[:, :n], by_state[:, n:], by_leaving[:, n:]
 
@@ -136,7 +136,7 @@ class LoopOperatingPoints:
             values[points] = getattr(other, name)
 
     def _of_points(self) -> dict[str, NDArray[Any]]:
-        return {name: values for name, values in vars(self).items() if name != "kept"}
+        return {name: values for name, values in vars(self).items() if name != "kept_states"}
 
 
 def loop_operating_points(
@@ -296,7 +296,7 @@ class _OpenSample:
 
     Attributes:
         loop: the closed loop.
-        kept: (n,) indices of its states without learnt and bookkeeping ones.
+        kept_states: (n,) indices of its states without learnt and bookkeeping ones.
         learnt: (l,) indices of its states that are learnt parameters of the machine.
         plant: indices of the plant's states.
         x: index of the vehicle's position among the kept states.
@@ -313,17 +313,17 @@ class _OpenSample:
 
     def __init__(self, structure: LoopStructure, *, compiled: bool) -> None:
         self.loop = closed_loop(structure)
-        self.kept = np.flatnonzero(_is_kept(self.loop))
+        self.kept_states = np.flatnonzero(_is_kept(self.loop))
         self.learnt = np.flatnonzero(self.loop.marked(Mark.LEARNT))
-        names = [self.loop.states[index] for index in self.kept]
+        names = [self.loop.states[index] for index in self.kept_states]
         blank = blank_state(structure.plant)
         self.plant = [self.loop.states.index(PLANT + key) for key in leaves(blank)]
         self.x = names.index(f"{PLANT}x")
         self.strained = [names.index(PLANT + key) for key in inner_forces(blank, structure.plant)]
-        self.moving = self.loop.marked(Mark.POSITION)[self.kept]
+        self.moving = self.loop.marked(Mark.POSITION)[self.kept_states]
         self.moving[self.strained] = False
         self.remembers = np.array([name.startswith(("controller.", "actuator_")) for name in names])
-        self.remembers &= ~self.loop.marked(Mark.POSITION, Mark.SPEED)[self.kept]
+        self.remembers &= ~self.loop.marked(Mark.POSITION, Mark.SPEED)[self.kept_states]
         adapting = ("controller.law.", "controller.estimator.")
         self.adapting = np.array([name.startswith(adapting) for name in self.loop.states])
         self.controller = np.array([name.startswith("controller.") for name in self.loop.states])
@@ -334,14 +334,14 @@ class _OpenSample:
             opened,
             _open_results(structure),
             [
-                *(("state", index) for index in self.kept.tolist()),
+                *(("state", index) for index in self.kept_states.tolist()),
                 ("exogenous", self.reference),
                 *(("injected", index) for index in range(len(LOOP_OPENINGS))),
             ],
             compiled=compiled,
         )
         self._moving = opened.move.numel_in("motion")
-        self._kept_motions = self.kept[self.kept < self._moving]
+        self._motion_states = self.kept_states[self.kept_states < self._moving]
         self.inform = _informing_function(structure)
 
     def evaluate(
@@ -359,9 +359,9 @@ class _OpenSample:
         after, slopes_after = self._forces(motion.values, parameters)
         with np.errstate(over="ignore", invalid="ignore"):  # diverging points
             slopes = slopes_after @ motion.slopes
-            slopes[:, :, : len(self._kept_motions)] -= slopes_before[:, :, self._kept_motions]
-            values = motion.values[:, self._kept_motions], at_sample.values, after - before
-        slopes = motion.slopes[:, self._kept_motions], at_sample.slopes, slopes
+            slopes[:, :, : len(self._motion_states)] -= slopes_before[:, :, self._motion_states]
+            values = motion.values[:, self._motion_states], at_sample.values, after - before
+        slopes = motion.slopes[:, self._motion_states], at_sample.slopes, slopes
         return np.concatenate(values, axis=1), facts, np.concatenate(slopes, axis=1)
 
 
@@ -429,7 +429,7 @@ def _first_guesses(
     structure: LoopStructure, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats
 ) -> LoopOperatingPoints:
     """Initial guess, the perfect controller: no errors, tensions as commanded."""
-    loop, count, n = sample.loop, len(x), len(sample.kept)
+    loop, count, n = sample.loop, len(x), len(sample.kept_states)
     values = dict(zip(loop.parameters, parameters.T, strict=True))
     preload, lower = values[f"{LIMITS}preload"], values[f"{LIMITS}tension_min"]
     upper, calm = values[f"{LIMITS}tension_max"] - values[f"{LIMITS}reserve"], np.zeros_like(x)
@@ -449,7 +449,7 @@ def _first_guesses(
     for _ in range(2):  # states that remember the last sample, or whether there was one, are consistent after two
         state = _informed(sample, state, parameters)
         following = sample.evaluate(state, outside, parameters, leaving)[0][:, :n]
-        state[:, sample.kept[sample.remembers]] = following[:, sample.remembers]
+        state[:, sample.kept_states[sample.remembers]] = following[:, sample.remembers]
     # torque and tension command have the same limit: with the command at its limit, the torque is exactly at its own,
     # and any ripple leaves the integral beyond it, where it holds the torque, as in a run
     if (slow := f"{LIMITS}slow") in loop.states:
@@ -465,7 +465,7 @@ def _first_guesses(
         outside,
         leaving,
         carried=v * values["simulation.sample_time"],
-        kept=sample.kept,
+        kept_states=sample.kept_states,
         repeats=np.zeros(count, bool),
         facts=np.full((count, 4), np.nan),
         residual=np.full(count, np.inf),
@@ -512,7 +512,7 @@ def _newton(
     for _ in range(iterations):
         at = points[active]
         next_values, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
-        values = np.hstack([at.state[:, sample.kept], at.leaving])
+        values = np.hstack([at.state[:, sample.kept_states], at.leaving])
         residual, matrix, counted, unknown = _equations(sample, next_values, values, at)
         sizes, last = np.maximum(np.abs(values), 1.0), excess[active]
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
@@ -541,9 +541,9 @@ def _newton(
 
 def _moved(sample: _OpenSample, points: LoopOperatingPoints, step: Floats) -> LoopOperatingPoints:
     """Points after a step of the unknowns, in which the reference replaces the vehicle's position."""
-    n, state, outside = len(sample.kept), points.state.copy(), points.outside.copy()
+    n, state, outside = len(sample.kept_states), points.state.copy(), points.outside.copy()
     outside[:, sample.reference] += step[:, sample.x]
-    state[:, sample.kept] += np.where(np.arange(n) == sample.x, 0.0, step[:, :n])
+    state[:, sample.kept_states] += np.where(np.arange(n) == sample.x, 0.0, step[:, :n])
     return replace(points, state=state, outside=outside, leaving=points.leaving + step[:, n:])
 
 
@@ -560,7 +560,7 @@ def _damping(
     for _ in range(DAMPINGS):
         trial = _moved(sample, at, share * step)
         values, _, trial.slopes = sample.evaluate(trial.state, trial.outside, trial.parameters, trial.leaving)
-        residual, *_ = _equations(sample, values, np.hstack([trial.state[:, sample.kept], trial.leaving]), trial)
+        residual, *_ = _equations(sample, values, np.hstack([trial.state[:, sample.kept_states], trial.leaving]), trial)
         following = solved(residual)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             size = (np.abs(following) / sizes).max(axis=1, keepdims=True)
@@ -587,7 +587,7 @@ def _equations(
     Returns:
         Residuals (a, n + 3), Jacobians (a, n + 3, n + 3), which values any equation depends on, and which are unknown.
     """
-    n, strained, moving = len(sample.kept), sample.strained, np.append(sample.moving, [False] * 3)
+    n, strained, moving = len(sample.kept_states), sample.strained, np.append(sample.moving, [False] * 3)
     units = np.where(moving, POSITION_UNIT, 1.0)
     residual = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
     residual[:, strained] = found[:, n + 3 :] * ROPE_UNIT

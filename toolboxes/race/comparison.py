@@ -54,14 +54,14 @@ class PairComparison:
     """Comparison of two entries.
 
     Attributes:
-        first, second: their keys.
+        first_key, second_key: of the entries.
         ratio: errors of the first over those of the second.
         corrected: `ErrorRatio.p` with Holm's correction over all pairs.
         separated: whether every search of the one is ahead of every search of the other.
     """
 
-    first: str
-    second: str
+    first_key: str
+    second_key: str
     ratio: ErrorRatio
     corrected: float
     separated: bool = True

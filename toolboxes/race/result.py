@@ -105,11 +105,11 @@ class RaceResult:
     def pairs(self) -> tuple[PairComparison, ...]:
         """Comparisons of all pairs in the ranking, in its order."""
         couples = list(combinations(self.ranking, 2))
-        ratios = [_ratio(first.runs, second.runs) for first, second in couples]
+        ratios = [_ratio(entry_1.runs, entry_2.runs) for entry_1, entry_2 in couples]
         corrected = holm([ratio.p for ratio in ratios])
         return tuple(
-            PairComparison(first.entry.key, second.entry.key, ratio, level, self._separated(first, second))
-            for (first, second), ratio, level in zip(couples, ratios, corrected, strict=True)
+            PairComparison(entry_1.entry.key, entry_2.entry.key, ratio, level, self._separated(entry_1, entry_2))
+            for (entry_1, entry_2), ratio, level in zip(couples, ratios, corrected, strict=True)
         )
 
     def _separated(self, first: EntryResult, second: EntryResult) -> bool:
@@ -128,15 +128,15 @@ class RaceResult:
     def not_different(self, key: str) -> tuple[str, ...]:
         """Keys in the ranking that do not differ from `key`, by `RULE`."""
         return tuple(
-            pair.second if pair.first == key else pair.first
+            pair.second_key if pair.first_key == key else pair.first_key
             for pair in self.pairs
-            if key in (pair.first, pair.second) and not pair.differ
+            if key in (pair.first_key, pair.second_key) and not pair.differ
         )
 
     def pair(self, first: str, second: str) -> PairComparison:
         """Comparison of two entries in either order; the ratio is of the first over the second."""
-        comparison = next(pair for pair in self.pairs if {pair.first, pair.second} == {first, second})
-        if comparison.first == first:
+        comparison = next(pair for pair in self.pairs if {pair.first_key, pair.second_key} == {first, second})
+        if comparison.first_key == first:
             return comparison
         ratio = _ratio(self.by_key[first].runs, self.by_key[second].runs)
         return replace(comparison, first=first, second=second, ratio=ratio)
@@ -286,8 +286,8 @@ class RaceResult:
             "entries": [self._entry(scored) for scored in self.ranking],
             "pairs": [
                 {
-                    "first": pair.first,
-                    "second": pair.second,
+                    "first": pair.first_key,
+                    "second": pair.second_key,
                     **pair.ratio.to_dict(),
                     "p_corrected": pair.corrected,
                     "separated": pair.separated,

@@ -39,16 +39,16 @@ class Bisection:
 
     Attributes:
         bottom, top: smallest and largest step; there is none if `top` < `bottom`.
-        tried: step → whether the gains broke there.
+        outcomes: step → whether the gains broke there.
     """
 
     bottom: int
     top: int
-    tried: dict[int, bool] = field(default_factory=dict)
+    outcomes: dict[int, bool] = field(default_factory=dict)
 
     def wanted(self) -> list[int]:
         """Steps to try next; empty at the end of the search."""
-        if not self.tried:
+        if not self.outcomes:
             return decades(self.bottom, self.top)
         breakdown, largest_held = self.breakdown, self.held
         if breakdown is None or largest_held is None or breakdown - largest_held == 1:
@@ -58,19 +58,19 @@ class Bisection:
     @property
     def breakdown(self) -> int | None:
         """The smallest tried step at which the gains break."""
-        return min((step for step, broke in self.tried.items() if broke), default=None)
+        return min((step for step, broke in self.outcomes.items() if broke), default=None)
 
     @property
     def held(self) -> int | None:
         """The largest tried step below `breakdown`; the gains hold there."""
         breakdown = self.top + 1 if self.breakdown is None else self.breakdown
-        return max((step for step in self.tried if step < breakdown), default=None)
+        return max((step for step in self.outcomes if step < breakdown), default=None)
 
     @property
     def monotone(self) -> bool:
         """Whether the gains hold at no tried step above `breakdown`."""
         breakdown = self.breakdown
-        return breakdown is None or all(broke for step, broke in self.tried.items() if step > breakdown)
+        return breakdown is None or all(broke for step, broke in self.outcomes.items() if step > breakdown)
 
 
 HIGHEST_COMPILED = STEPS

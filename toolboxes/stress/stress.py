@@ -346,7 +346,7 @@ def _margins(
         sizes = [sizes_of(imperfection, step) for imperfection, step in steps_to_run]
         for (imperfection, step), runs in zip(steps_to_run, runner.run(controller, sizes), strict=True):
             violations[imperfection, step] = violated_limits(limits, runs)
-            searches[imperfection].tried[step] = bool(violations[imperfection, step])
+            searches[imperfection].outcomes[step] = bool(violations[imperfection, step])
     return {
         imperfection: RobustnessMargin(
             size=None if search.breakdown is None else size(search.breakdown),

@@ -9,8 +9,8 @@ def finished(search: Bisection, breaks) -> Bisection:
         wanted = search.wanted()
         if not wanted:
             return search
-        assert not set(wanted) & set(search.tried)
-        search.tried |= {step: breaks(step) for step in wanted}
+        assert not set(wanted) & set(search.outcomes)
+        search.outcomes |= {step: breaks(step) for step in wanted}
     raise AssertionError("the search never ends")
 
 
@@ -31,19 +31,19 @@ def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
         assert search.breakdown == threshold
         assert search.held == (threshold - 1 if threshold > LOWEST else None)
     assert search.monotone
-    assert len(search.tried) <= 6 + 3
+    assert len(search.outcomes) <= 6 + 3
 
 
 @given(breakdowns=st.sets(st.integers(LOWEST, HIGHEST)))
 def test_of_other_breakdowns_the_smallest_tried_is_told(breakdowns: set[int]) -> None:
     search = finished(Bisection(LOWEST, HIGHEST), breakdowns.__contains__)
-    tried = [step for step in search.tried if step in breakdowns]
+    tried = [step for step in search.outcomes if step in breakdowns]
     assert search.breakdown == (min(tried) if tried else None)
     if tried:
-        larger = [step for step in search.tried if step > min(tried)]
+        larger = [step for step in search.outcomes if step > min(tried)]
         assert search.monotone == all(step in breakdowns for step in larger)
 
 
 def test_nothing_is_tried_where_nothing_is_allowed() -> None:
     search = finished(Bisection(LOWEST, LOWEST - 1), lambda _: True)
-    assert (search.breakdown, search.held, search.tried) == (None, None, {})
+    assert (search.breakdown, search.held, search.outcomes) == (None, None, {})
