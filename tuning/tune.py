@@ -66,8 +66,8 @@ def tune(
             and where that is too little, the search is shorter. The first trials, the paper's gains and the start, are
             always finished.
         rollouts: number of rollouts of search, checks and certificates, of which the search leaves enough for another
-            certificate; where none of the candidates is certified, an eighth more. A first candidate is always examined
-            whole. Runs of the paper's gains, or the start, in the same draws as a candidate come on top.
+            certificate; an eighth more where the search ends without a certified candidate. A first candidate is always
+            examined whole. Runs of the paper's gains, or the start, in the same draws as a candidate count.
         test_scenarios: number of test scenarios; default: from the problem's `TuningOptions`.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         store: open storage of the trials; a study in it is continued. Default: in memory.
@@ -171,13 +171,13 @@ def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int
 def _certify(
     certification: Certification, search: Search | None, store: StudyStorage, rollouts: int | None, until: float | None
 ) -> None:
-    """Examine leaders after a search, which goes on between them, within its rollouts; without success, in some more.
+    """Examine leaders after a search, which goes on between them.
 
     Args:
         certification: of the search's evaluator.
         search: that goes on; ``None``: it does not.
         store: of its trials.
-        rollouts: of search and certificates; ``None``: no limit.
+        rollouts: of search and certificates, some more where nothing is certified yet; ``None``: no limit.
         until: time by `clock.without_compiling`; ``None``: no limit.
     """
     certification.add(store.finished())
@@ -187,9 +187,9 @@ def _certify(
             search.run(SearchBudget(search.trials + certification.options.generation))
             certification.add(store.finished())
 
-    certification.run(SelectionBudget(until, rollouts), search_on)
     if rollouts and not certification.certified:
-        certification.run(SelectionBudget(until, round((1 + CERTIFICATE_SHARE) * rollouts)), search_on)
+        rollouts = round((1 + CERTIFICATE_SHARE) * rollouts)
+    certification.run(SelectionBudget(until, rollouts), search_on)
 
 
 def _limits(

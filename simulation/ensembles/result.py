@@ -39,8 +39,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STATISTIC_KINDS = ("mean", "median", "p95", "worst")
-"""Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the worst scenario."""
+STATISTIC_KINDS = ("mean", "geomean", "median", "p95", "worst")
+"""Kinds of statistics; ``geomean``: the exponential of the mean logarithm, 0 if a value is 0, NaN if one is negative;
+``p95``: 95 % of the scenarios are no worse; ``worst``: the worst scenario."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,9 @@ class Statistic:
         match self.kind:
             case "mean":
                 return float(values.mean())
+            case "geomean":
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    return float(np.exp(np.log(values).mean()))
             case "median":
                 return float(np.median(values))
             case "p95":
@@ -205,7 +209,7 @@ class EnsembleResult(RunOutcomes):
 
     @property
     def statistics(self) -> dict[str, dict[str, float]]:
-        """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
+        """Figure of merit → kind of statistic (`STATISTIC_KINDS`) → value."""
         return {
             metric: {kind: self.statistic(f"{kind}.{metric}") for kind in STATISTIC_KINDS} for metric in self.metrics
         }

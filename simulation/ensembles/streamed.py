@@ -101,6 +101,14 @@ class ValueStream:
         )
         return below + (above - below) * (rank % 1)
 
+    @property
+    def geometric_mean(self) -> float:
+        """The exponential of the mean logarithm, known to within `accuracy`."""
+        counts = np.array(list(self.bins.values()))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithms = np.log([self._centre(number) for number in self.bins])
+            return float(np.exp(np.average(logarithms, weights=counts)))
+
     def _centre(self, number: int) -> float:
         """The value that represents a bin."""
         if number == 0:
@@ -115,6 +123,8 @@ class ValueStream:
         match kind:
             case "mean":
                 return self.mean
+            case "geomean":
+                return self.geometric_mean
             case "median":
                 return self.quantile(0.5)
             case "p95":
@@ -171,7 +181,7 @@ class EnsembleStatistics:
 
     @property
     def statistics(self) -> dict[str, dict[str, float]]:
-        """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
+        """Figure of merit → kind of statistic (`STATISTIC_KINDS`) → value."""
         return {
             metric: {kind: self.statistic(f"{kind}.{metric}") for kind in STATISTIC_KINDS} for metric in self.metrics
         }

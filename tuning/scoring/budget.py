@@ -65,7 +65,7 @@ class SelectionBudget:
     Attributes:
         until: time by `clock.without_compiling`; ``None``: no limit. An examination stops there, with what it has.
         rollouts: of the study so far, search included; ``None``: no limit. An examination that has begun has all the
-            draws that it needs without a violation.
+            draws that it needs without a violation, and more of them within the limit.
     """
 
     until: float | None = None

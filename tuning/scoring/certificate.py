@@ -4,9 +4,8 @@ Sequential probabilistic validation (Alamo, Tempo, Luque and Ramirez, Automatica
 in fresh draws of its own with β_k = 6β/(π²k²), so that the error of all tests together is at most β, however many there
 are. Each test is sequential, too, by the same series: its stage s = 0, 1, … allows s violations in the least number of
 draws M_s for which Clopper and Pearson's upper limit (Biometrika 26, 1934) at confidence 1 − 6β_k/(π²(s + 1)²) is at
-most ε. A candidate is accepted at the first stage whose violations it does not exceed. It is rejected once as many
-violations as it has had, or more, would have a probability below β if that of one were ε, and at the end of a stage, if
-at its rate so far another violation is to be expected before the end of the next.
+most ε. A candidate is accepted at the first stage whose violations it does not exceed, and rejected once as many
+violations as it has had, or more, would have a probability below β if that of one were ε.
 """
 
 import math

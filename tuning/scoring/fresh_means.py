@@ -63,6 +63,11 @@ class FreshMeans:
         self._open -= {label for label in self._open if self._settled(label)}
 
     @property
+    def controllers(self) -> int:
+        """Number of controllers that run in further draws: the candidate, and those that open bounds refer to."""
+        return 1 + len({self._bounds[label].reference for label in self._open} - {""})
+
+    @property
     def violations(self) -> dict[str, float]:
         """Label of a bound in training → its violation, over the draws in which it was evaluated; <= 0: satisfied."""
         return {label: self._bound(label).violation(self._mean(label)) for label in self._bounds}

@@ -15,10 +15,11 @@
 4. **Certificate** (`tuning.scoring.certificate`): leaders in order; each first on fresh machines, for its margins,
    then in fresh draws until they support ε or make it unlikely (sequential probabilistic validation; Alamo, Tempo,
    Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds there, too (`tuning.scoring.fresh_means`). A
-   rejection makes cuts, and a back-off of violated means, which reorders the other candidates; the start is one of
-   them. Leaders that have passed a check are examined during the search, while certificates are below a share of the
-   rollouts; later ones only if their objective is smaller than that of the certified one. At the end the last leader
-   is examined; after a rejection the search goes on while its budget allows another certificate. If no candidate
+   rejection, or an end of the budget before a decision, makes cuts and a back-off of violated means, which reorders the
+   other candidates; the start is one of them. Leaders that have passed a check are examined during the search, while
+   certificates are below a share of the rollouts; later ones only if their objective is smaller than that of the
+   certified one. At the end the last leader is examined; after a rejection the search goes on while its budget, an
+   eighth larger if nothing is certified, allows another certificate. If no candidate
    passes, the one with the least supported probability of a violation among those that beat the start, by the exact
    penalty on their shares of violations, is selected.
 5. **Test set** (`tuning.scoring.test_set`): evaluated once, for the selected candidate, the start and the baseline
@@ -27,6 +28,7 @@
 Without an ensemble, the best feasible trial in the experiment is selected. Parameters: `TuningOptions`.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -142,16 +144,21 @@ class Certification:
         Returns:
             Whether the budget, of search and certificates, allows a generation more and another certificate after it.
         """
-        needed = self._rollouts + self._next.draws_of_stage(0)
-        if needed <= CERTIFICATE_SHARE * self._evaluator.rollouts and self._allowed(budget):
+        rollouts = self._evaluator.rollouts
+        share = math.floor(CERTIFICATE_SHARE * rollouts) - self._rollouts
+        if self._next.draws_of_stage(0) <= share and self._allowed(budget):
             leader = self._evaluator.leader()
             if leader and leader.passed and leader is not self.start:
-                self._examine(leader, budget)
+                limits = (rollouts + share, *([] if budget.rollouts is None else [budget.rollouts]))
+                self._examine(leader, replace(budget, rollouts=min(limits)))
         return self._allowed(budget, batches=1)
 
     def _allowed(self, budget: SelectionBudget, batches: int = 0) -> bool:
-        """Whether a budget allows a certificate without a violation, after some batches as large as the largest."""
-        rollouts = self._next.draws_of_stage(0) + batches * self._evaluator.largest_batch
+        """Whether a budget allows a certificate without a violation, after some batches as large as the largest.
+
+        Other controllers, to which bounds on means refer, may have to be run in all of its draws.
+        """
+        rollouts = self._means().controllers * self._next.draws_of_stage(0) + batches * self._evaluator.largest_batch
         return budget.allows(self._evaluator.meter, rollouts, self.options.machines)
 
     def run(self, budget: SelectionBudget, search_on: Callable[[], None] = nothing) -> Examination | None:
@@ -192,6 +199,9 @@ class Certification:
             self.certified, self._evaluator.certified = examination, entry
         return examination
 
+    def _means(self) -> FreshMeans:
+        return FreshMeans(self._evaluator, 1 - self.options.confidence)
+
     def _which(self, entry: ArchiveEntry) -> str:
         return "the start" if entry is self.start else f"candidate {self._next.candidate}"
 
@@ -221,7 +231,7 @@ class Certification:
         evaluator, chunk = self._evaluator, self._evaluator.problem.options.chunk
         stage, start = certificate.draws_of_stage(0), self._draws
         draws, runs = FreshDraws.none(), list[RunOutcomes]()
-        means = FreshMeans(evaluator, 1 - evaluator.problem.options.confidence)
+        means = self._means()
         while not runs or not budget.ended():
             report = self._watch.step(CERTIFYING, f"certifying: {self._which(entry)} in {stage} fresh draws")
             report(certificate.draws / stage)
@@ -241,8 +251,8 @@ class Certification:
                 break
             if certificate.draws == stage:
                 needed = certificate.draws_of_stage(certificate.violations)
-                expected = (needed - stage) * certificate.violations / stage
-                if needed <= stage or expected >= 1 or not budget.allows(evaluator.meter, needed - stage):
+                rollouts = means.controllers * (needed - stage)
+                if needed <= stage or not budget.allows(evaluator.meter, rollouts):
                     break
                 stage = needed
         self._draws += max(certificate.draws, certificate.machines)
