@@ -117,6 +117,12 @@ SAG_DEVIATION = 0.7
 DAMPING = ("controller.winch_1.damping", "controller.winch_2.damping")
 """Keys of the damping of the drums' speed."""
 
+SHAPING = ("controller.winch_1.shaping", "controller.winch_2.shaping")
+"""Keys of the damping ratio that shaping gives the drums' resonance."""
+
+TIED_SHAPING = "controller.winch.shaping"
+"""Name of both in a space."""
+
 SWINGING = "ropes have mass, gearboxes give or winches are heavy, so that drums swing on their ropes (docs/site.md)"
 """Why the paper's gains do not suit a machine that `swings`, in words."""
 
@@ -140,9 +146,10 @@ def undamped(experiment: Experiment) -> list[str]:
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """Gains to search for besides the standard ones, as entries of a space.
 
-    Where drums swing on their ropes, the smoothing of the law is tuned. The damping of the winches stays at the wave
-    impedance of the ropes: searches raise it to more than twice that, for less error, and the delay margin of the loop
-    then falls below a sample.
+    Where drums swing on their ropes, the smoothing of the law is tuned, and so is the shaping of the tension commands
+    by their resonance if the winches start with it: without it the loop has other code. The damping of the winches
+    stays at the wave impedance of the ropes: searches raise it to more than twice that, for less error, and the delay
+    margin of the loop then falls below a sample.
 
     Where tensions are uncertain, commands keep a reserve to their limit: up to 1.5 times the error of a tension there,
     the half for its overshoot. A larger reserve lacks force where the reference needs nearly all of it, which is too
@@ -150,8 +157,10 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """
     off, values = default_reserve(ensemble), leaves(ensemble.experiment)
     reserve = {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
-    smoothed = {SMOOTHING: {}} if swings(ensemble.experiment.plant) and SMOOTHING in values else {}
-    return reserve | smoothed
+    if not swings(ensemble.experiment.plant):
+        return reserve
+    names = ([SMOOTHING] if SMOOTHING in values else []) + ([TIED_SHAPING] if all(map(values.get, SHAPING)) else [])
+    return reserve | {name: {} for name in names}
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -180,6 +180,17 @@ class Space:
         """The space without the dimensions of some configuration keys."""
         return Space(tuple(dimension for dimension in self.dimensions if not set(dimension.keys) & set(keys)))
 
+    def around(self, values: Mapping[str, float], factor: float) -> "Space":
+        """The space with bounds that are a factor above and below designed values of gains on a logarithmic scale.
+
+        Bounds stay within those of the gain.
+
+        Args:
+            values: configuration key → designed value.
+            factor: of both bounds.
+        """
+        return Space(tuple(_around(dimension, values, factor) for dimension in self.dimensions))
+
     def difference(self, other: "Space") -> str:
         """Differences from another space, in words; empty if there are none."""
         here, theirs = ({d.name: d.allowed for d in space.dimensions} for space in (self, other))
@@ -191,6 +202,14 @@ class Space:
             if name in theirs and here[name] != theirs[name]
         ]
         return "; ".join(words)
+
+
+def _around(dimension: Dimension, values: Mapping[str, float], factor: float) -> Dimension:
+    """`Space.around` of a dimension."""
+    if not (isinstance(dimension, ContinuousDimension) and dimension.log and values.keys() >= set(dimension.keys)):
+        return dimension
+    value = dimension.start(values)
+    return replace(dimension, lower=value / factor, upper=value * factor)
 
 
 def own_bounds(keys: Sequence[str], tunable: Tunable, experiment: Experiment) -> tuple[float, float]:

@@ -52,6 +52,9 @@ from dualwinch.tuning.problem import AS_DESCRIBED, DESIGNED, TuningProblem
 from dualwinch.tuning.space import entry_from, space_of, space_to_record
 from dualwinch.tuning.storage.parts import part_records
 
+DESIGN_FACTOR = 10.0
+"""Factor of a search's bounds above and below the gains that are designed for a machine."""
+
 ESTIMATOR = "controller.estimator"
 COORDINATION = "controller.coordination.kind"
 
@@ -120,9 +123,9 @@ def tuning_problem(
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")
     base, reasons = experiment or experiment_from(case, config, None, []), list[str]()
+    design = dict[str, float]()
     named = None if experiment else {*values, *named_keys(config), *named_keys(ensemble)}
     draws = machines = _ensemble(ensemble, base, experiment is case is config is None)
-    start = AS_DESCRIBED
     if draws is None:
         base = override(base, values)
         for name, option in (("scenarios", scenarios), ("violation", violation), ("confidence", confidence)):
@@ -131,7 +134,7 @@ def tuning_problem(
         machines = Ensemble("this machine", "", base, {}) if swings(base.plant) else None
     if machines is not None:
         if named is not None:
-            machines, reasons, start = _with_defaults(machines, values, named)
+            machines, reasons, design = _with_defaults(machines, values, named)
         else:
             machines = reset(machines, values)
             if keys := undamped(machines.experiment):
@@ -156,6 +159,8 @@ def tuning_problem(
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
     gains = space_of(_entries(space), base, further_gains(machines) if machines else None).without(excluded)
+    if not space:
+        gains = gains.around(design, DESIGN_FACTOR)
     designable = machines is not None and not space and isinstance(base.controller.law, SLIDING_MODE)
     problem = TuningProblem(
         experiment=base,
@@ -169,7 +174,7 @@ def tuning_problem(
         choices=tuple(reasons),
         starts=tuple(starts),
         fixed=tuple(sorted(named.difference(gains.keys))) if designable and named is not None else None,
-        start_words=start,
+        start_words=DESIGNED if design else AS_DESCRIBED,
     )
     problem.check()
     return problem
@@ -197,13 +202,13 @@ def _ensemble(ensemble: str | Path | Ensemble | None, base: Experiment, alone: b
 
 def _with_defaults(
     ensemble: Ensemble, values: Mapping[str, Any], named: Collection[str]
-) -> tuple[Ensemble, list[str], str]:
+) -> tuple[Ensemble, list[str], dict[str, float]]:
     """An ensemble with some values set, and default parts and gains where none is named.
 
     Returns:
-        The ensemble, the reasons, and which controller it has (`TuningProblem.start_words`), in words.
+        The ensemble, the reasons, and key → value of each gain that is designed for the machine.
     """
-    reasons, parts = list[str](), dict[str, str]()
+    reasons, parts, design = list[str](), dict[str, str](), dict[str, float]()
     where = f"in '{ensemble.name}'" if ensemble.distributions else f"on {ensemble.name}"
     if ESTIMATOR not in named:
         parts[ESTIMATOR] = usual = default_estimator(ensemble)
@@ -222,17 +227,18 @@ def _with_defaults(
     started = {key: value for key, value in gains.items() if key not in named}
     if (noise := started.get(POSITION_NOISE)) is not None and noise != leaves(ensemble.experiment)[POSITION_NOISE]:
         reasons.append(f"{POSITION_NOISE} = {noise:g}: noise and rounding of the described position sensor")
-    ensemble, words = reset(ensemble, started), AS_DESCRIBED
+    ensemble = reset(ensemble, started)
     if swings(ensemble.experiment.plant):
         experiment = formula_design(ensemble.experiment, kept=named)
-        words = AS_DESCRIBED if experiment == ensemble.experiment else DESIGNED
-        ensemble, designed = replace(ensemble, experiment=experiment), leaves(experiment)
-        damped = ", ".join(f"{key} = {designed[key]:.3g}" for key in DAMPING if key in designed and key not in named)
+        before, after = leaves(ensemble.experiment), leaves(experiment)
+        ensemble = replace(ensemble, experiment=experiment)
+        design = {key: value for key, value in after.items() if value != before[key]}
+        damped = ", ".join(f"{key} = {after[key]:.3g}" for key in DAMPING if key in after and key not in named)
         limit, *_ = limits_of(experiment)
         reasons.append(
             f"gains that no file names are designed for this machine ({damped}), for a bandwidth of {limit}: {SWINGING}"
         )
-    return ensemble, reasons, words
+    return ensemble, reasons, design
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

@@ -132,7 +132,8 @@ def tune(
         space: Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` to replace its own;
             controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. May be
             repeated. Default: all gains in use.
-        objective: mean, median, p95 or worst of a metric, e.g. mean.mse; may be repeated: Pareto front.
+        objective: mean, geomean (geometric mean: of the logarithms, so that few large errors count little), median, p95
+            or worst of a metric, e.g. mean.mse; may be repeated: Pareto front.
         constraint: e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%,
             worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Added to the defaults: no slack, no
             peak beyond tension_max, little chatter, and in an ensemble stability margins; none leaves these out.

@@ -108,6 +108,29 @@ def test_the_drums_damping_leads_by_a_share_of_the_drives_lag_and_is_not_searche
     assert not any(name.endswith((".damping", ".lead")) for name in problem.space.names)
 
 
+def test_bounds_of_a_search_are_a_factor_around_the_gains_that_are_designed_for_the_machine() -> None:
+    problem = problem_of("site")
+    start = {
+        dimension.name: (dimension, float(problem.start[dimension.name]))
+        for dimension in problem.space.dimensions
+        if isinstance(dimension, ContinuousDimension)
+    }
+    for name in ("controller.nftsm.phi", "controller.observer.l0", "controller.winch.ki", "controller.nftsm.smoothing"):
+        dimension, value = start[name]
+        assert (dimension.lower, dimension.upper) == pytest.approx((value / 10, value * 10))
+    gamma, value = start["controller.auxiliary.gamma"]
+    assert gamma.upper / value != pytest.approx(value / gamma.lower), "of a gain that is not designed: its own bounds"
+    (phi,) = tuning_problem(ensemble="site", space=["controller.nftsm.phi"]).space.dimensions
+    assert isinstance(phi, ContinuousDimension)
+    assert (phi.lower, phi.upper) == (0.005, 5), "named: its own bounds"
+
+
+def test_shaping_of_the_winches_is_searched_where_they_start_with_it() -> None:
+    name, settings = "controller.winch.shaping", [f"controller.winch_{winch}.shaping=0.5" for winch in (1, 2)]
+    assert name not in problem_of("site").space.names
+    assert name in tuning_problem(ensemble="site", settings=settings).space.names
+
+
 DAMPING, KIND = "controller.winch_1.damping", "controller.coordination.kind"
 
 HEAVY = """

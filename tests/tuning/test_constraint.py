@@ -28,6 +28,9 @@ def bound(text: str) -> Constraint:
 def test_statistics_look_at_the_bad_end() -> None:
     values = np.array([1.0, 2.0, 3.0, 10.0])
     assert Statistic("mean", "mse").over(values) == 4
+    assert Statistic("geomean", "mse").over(values) == pytest.approx(60 ** (1 / 4))
+    assert Statistic("geomean", "mse").over(values - 1) == 0
+    assert np.isnan(Statistic("geomean", "mse").over(values - 2))
     assert Statistic("median", "mse").over(values) == 2.5
     assert Statistic("worst", "peak_tension").over(values) == 10
     assert Statistic("worst", "min_tension").over(values) == 1
@@ -102,7 +105,7 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
     [
         ("worst.peak_tension<6000", "must be STATISTIC<=BOUND"),
         ("worst.peak_tensoin<=6000", "unknown metric 'peak_tensoin'; did you mean 'peak_tension'?"),
-        ("least.mse<=1", "unknown statistic 'least'; must be one of mean, median, p95, worst"),
+        ("least.mse<=1", "unknown statistic 'least'; must be one of mean, geomean, median, p95, worst"),
         ("mean.mse<=controller.coordination.tension_mx", "did you mean 'controller.coordination.tension_max'?"),
         ("mean.mse<=controller.kind", "names no number"),
         ("mean.mse<=nan", "'nan' must be a finite number"),

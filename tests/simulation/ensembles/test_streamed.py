@@ -54,7 +54,7 @@ def test_statistics_are_those_of_the_result_by_threads_and_by_an_executor() -> N
     assert here.outcome_counts == result.outcome_counts
     for name in metric_quantities():
         assert vars(here.metrics[name]) == vars(there.metrics[name])
-        for kind in ("mean", "median", "p95", "worst"):
+        for kind in ("mean", "geomean", "median", "p95", "worst"):
             ours, theirs = here.statistic(f"{kind}.{name}"), result.statistic(f"{kind}.{name}")
             assert ours == pytest.approx(theirs, rel=1e-12 if kind in {"mean", "worst"} else 1.1e-3, nan_ok=True)
     with pytest.raises(ConfigurationError, match=r"accuracy = 2: must be > 0 and < 1"):

@@ -178,6 +178,35 @@ def test_a_candidate_with_rare_violations_is_certified_in_more_draws(
     assert certified.certificate.draws == certified.certificate.draws_of_stage(1)
 
 
+def test_a_candidate_is_rejected_only_once_its_probability_is_unlikely(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three violations in a stage for none leave the probability open: draws go on until they support it."""
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
+    trials = studied(evaluator)
+    certificate = SampleCertificate(FEW.violation, FEW.confidence, 1, STAGE, 3)
+    assert not certificate.rejected
+    needed = certificate.draws_of_stage(3)
+    monkeypatch.setattr(selection, "worst_of", violating([3, *[0] * (needed // STAGE)], STAGE))
+    certified = examined(evaluator, trials).certified
+    assert certified is not None
+    assert (certified.certificate.violations, certified.certificate.draws) == (3, needed)
+
+
+@pytest.mark.parametrize(("constraint", "examinations"), [("mean.chatter<=9*paper", 1), ("mean.chatter<=1e9", 2)])
+def test_a_budget_counts_the_runs_of_the_papers_gains_beside_a_candidate(
+    constraint: str, examinations: int, make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = replace(FEW, chunk=STAGE)
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=[constraint], options=options)))
+    trials = studied(evaluator)
+    monkeypatch.setattr(selection, "worst_of", violating([STAGE, 0], STAGE))
+    runs_of_paper = STAGE if "paper" in constraint else 0
+    draws = 2.5 * SampleCertificate(FEW.violation, FEW.confidence, 2).draws_of_stage(0)
+    budget = SelectionBudget(rollouts=evaluator.rollouts + runs_of_paper + round(draws))
+    assert len(examined(evaluator, trials, budget).examined) == examinations
+
+
 def test_without_rollouts_for_another_the_best_is_stated_with_its_probability(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
