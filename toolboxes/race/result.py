@@ -139,7 +139,7 @@ class RaceResult:
         if comparison.first_key == first:
             return comparison
         ratio = _ratio(self.by_key[first].runs, self.by_key[second].runs)
-        return replace(comparison, first=first, second=second, ratio=ratio)
+        return replace(comparison, first_key=first, second_key=second, ratio=ratio)
 
     @property
     def heading(self) -> str:
