@@ -1,9 +1,8 @@
-"""How accurate each integrator is, and what it costs: the table of docs/accuracy.md.
+"""How accurate each integrator is: the table of docs/accuracy.md.
 
 ``python -m benchmarks.convergence`` prints the table; ``--write FILE`` puts it between the file's two marks.
 """
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,11 +10,7 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.document import command, publish
-from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import engine_of
-from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
@@ -41,31 +36,17 @@ PROFILES = {"Cases 1 and 3": (1, 3), "Cases 2 and 4": (2, 4)}
 
 @dataclass(frozen=True)
 class Line:
-    """One setting: largest errors in position (m) and tension (N) by profile, and the time of a 50 s run in ms."""
+    """One setting: largest errors in position (m) and tension (N) by profile."""
 
     integrator: str
     substeps: int
     position: dict[str, float]
     tension: dict[str, float]
-    milliseconds: float
 
 
 def with_integrator(number: int, integrator: str, substeps: int) -> Experiment:
     """A case of the paper with an integrator of one's choice."""
     return override(case(number), {"simulation.integrator": integrator, "simulation.substeps": substeps})
-
-
-def rollout_time(experiment: Experiment, repetitions: int = 9) -> float:
-    """Least time in ms of the compiled rollout alone, no rows kept."""
-    run = engine_of(closed_loop(structure_of(experiment)))
-    parameters = np.array(list(parameters_of(experiment).values()))
-    signals, times = exogenous_signals(experiment), []
-    for _ in range(repetitions):
-        state = np.array(list(initial_state_of(experiment).values()))
-        start = time.perf_counter()
-        run(parameters, signals, state, 0)
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times)
 
 
 def errors(result: Result, converged: Result) -> tuple[float, float]:
@@ -88,19 +69,18 @@ def lines() -> Iterator[Line]:
             substeps,
             {profile: max(by_case[number][0] for number in numbers) for profile, numbers in PROFILES.items()},
             {profile: max(by_case[number][1] for number in numbers) for profile, numbers in PROFILES.items()},
-            rollout_time(with_integrator(4, integrator, substeps)),
         )
 
 
 def markdown() -> str:
     """The table."""
     rows = [
-        "| integrator | sub-steps | " + " | ".join(f"{profile}: m | N" for profile in PROFILES) + " | one run, ms |",
-        "|---|--:|" + "--:|--:|" * len(PROFILES) + "--:|",
+        "| integrator | sub-steps | " + " | ".join(f"{profile}: m | N" for profile in PROFILES) + " |",
+        "|---|--:|" + "--:|--:|" * len(PROFILES),
     ]
     for line in lines():
         cells = [f"{line.position[profile]:.1e} | {line.tension[profile]:.1g}" for profile in PROFILES]
-        rows.append(f"| {line.integrator} | {line.substeps} | {' | '.join(cells)} | {line.milliseconds:.0f} |")
+        rows.append(f"| {line.integrator} | {line.substeps} | {' | '.join(cells)} |")
     return "\n".join(rows)
 
 

@@ -244,7 +244,7 @@ def tuned_row(start: Start, rollouts: int) -> list[str]:
 
 
 def table(numbers: Sequence[int], rollouts: int | None = None) -> str:
-    """A row for each machine, and below it the shares that are stable and feasible."""
+    """A row for each machine; below it what all have in common, and the shares that are stable and feasible."""
     starts, rows = list[Start](), list[list[str]]()
     for number in numbers:
         start = Start.of(machine(number))
@@ -254,8 +254,12 @@ def table(numbers: Sequence[int], rollouts: int | None = None) -> str:
         sys.stderr.flush()
     stable = sum(start.stable for start in starts)
     feasible = sum(not start.violations for start in starts)
-    cells = markdown((*HEADINGS, *(TUNED if rollouts else ())), rows)
-    return f"{cells}\n\n*{stable} of {len(starts)} starts are stable, {feasible} satisfy every bound.*"
+    columns = [*zip((*HEADINGS, *(TUNED if rollouts else ())), *rows, strict=True)]
+    common = [f"{heading}: {cells[0]}" for heading, *cells in columns if len(rows) > 1 and len({*cells}) == 1]
+    headings, *rows = zip(*(column for column in columns if len(rows) == 1 or len({*column[1:]}) > 1), strict=True)
+    summary = f"Common to all: {'; '.join(common)}. " if common else ""
+    shares = f"{stable} of {len(starts)} starts are stable, {feasible} satisfy every bound."
+    return f"{markdown(headings, rows)}\n\n*{summary}{shares}*"
 
 
 def main() -> None:

@@ -96,19 +96,19 @@ def row(words: str, index: int | None = None) -> list[str]:
     four, first = metrics(4, LAW, index), metrics(1, LAW, index)
     return [
         words,
-        f"{reduction(4, index):.1f} %".replace("-", "−"),
-        f"{1e3 * four.steady_mae:.2f} mm",
-        f"{four.chatter:.2f} N",
-        f"{1e3 * first.steady_mae:.1f} mm",
-        f"{first.min_tension:.0f} N".replace("-", "−"),
+        f"{reduction(4, index):.1f}".replace("-", "−"),
+        f"{1e3 * four.steady_mae:.2f}",
+        f"{four.chatter:.2f}",
+        f"{1e3 * first.steady_mae:.1f}",
+        f"{first.min_tension:.0f}".replace("-", "−"),
     ]
 
 
 def choices_table() -> str:
     """Every choice that a configuration can make, beside the paper's numbers as they stand here."""
     headings = [
-        "choice", "Case 4: by the observer", "steady mean error", "chatter", "Case 1: steady mean error",
-        "smallest tension",
+        "choice", "Case 4: by the observer, %", "steady mean error, mm", "chatter, N", "Case 1: steady mean error, mm",
+        "smallest tension, N",
     ]  # fmt: skip
     rows = [row("as it stands")]
     rows += [row(f"{choice.note}: {choice.words}", index) for index, choice in enumerate(CHOICES)]

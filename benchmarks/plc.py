@@ -145,7 +145,7 @@ LOAD = (
     "operations a sample",
     "of these calls",
     "preparing",
-    *(f"{cpu} ({ns} ns)" for cpu, ns in CPUS.items()),
+    *(f"{cpu} ({ns} ns), ms" for cpu, ns in CPUS.items()),
 )
 
 
@@ -189,7 +189,7 @@ def loads() -> str:
         step, prepare = operation_count(apart.step), operation_count(apart.derive)
         calls = sum(count for kind, count in step.kinds.items() if kind in CALLS)
         worth = step.total + (CALL - 1) * calls
-        times = [f"{worth * ns * 1e-6:.2g} ms" for ns in CPUS.values()]
+        times = [f"{worth * ns * 1e-6:.2g}" for ns in CPUS.values()]
         counts = (f"{count:,}".replace(",", " ") for count in (step.total, calls, prepare.total))
         rows.append([name, *counts, *times])
     return markdown(LOAD, rows)

@@ -59,7 +59,7 @@ def loop_table() -> list[str]:
     """Largest differences from `simulate` over each case of the paper, in Markdown."""
     runs = ("controller in float", "with the Kalman filter", "plant in float too")
     lines = [
-        f"| Case | {' | '.join(f'position, {run} | tension' for run in runs)} |",
+        f"| Case | {' | '.join(f'{run}: m | N' for run in runs)} |",
         "|---|" + "--:|" * 2 * len(runs),
     ]
     for number in CASES:
@@ -70,6 +70,6 @@ def loop_table() -> list[str]:
             columns = simulate(of).columns
             exact = np.column_stack([columns[name] for name in ("x", "F1", "F2")])
             off = np.abs(run(of) - exact).max(axis=0)
-            cells += [f"{off[0]:.1g} m", f"{off[1:].max():.2g} N"]
+            cells += [f"{off[0]:.1g}", f"{off[1:].max():.2g}"]
         lines.append(f"| {number} | {' | '.join(cells)} |")
     return lines

@@ -72,9 +72,9 @@ def report() -> str:
         "instructions a step: mean",
         "worst",
         "worst, random inputs",
-        "code",
-        "RAM an instance",
-        "stack, deepest seen",
+        "code, B",
+        "RAM an instance, B",
+        "stack, deepest seen, B",
         "preparing, once",
     ]
     lines = [f"| {' | '.join(headings)} |", "|---|---|" + "--:|" * (len(headings) - 2)]
@@ -90,7 +90,9 @@ def report() -> str:
                 f"{inside.mean():.0f}",
                 inside.max(),
                 beyond.max(),
-                *(f"{size} B" for size in (got.code, ram, got.stack)),
+                got.code,
+                ram,
+                got.stack,
                 "–" if freeze else got.preparation,
             ]
             lines.append(f"| {' | '.join(map(str, cells))} |")
@@ -109,7 +111,7 @@ def _ram(controller: Block, precision: Precision, *, freeze: bool) -> int:
 
 def _laws() -> list[str]:
     """Worst instructions a step and stack of every position law over Case 4, on the first board."""
-    headings = [f"{name}, constants: worst | stack" if freeze else f"{name}: worst" for name, freeze in VARIANTS]
+    headings = [f"{name}, constants: worst | stack, B" if freeze else f"{name}: worst" for name, freeze in VARIANTS]
     columns = " | ".join(headings)
     lines = [
         f"| position law, on the {BOARDS[0].name} | {columns} |",
@@ -123,14 +125,14 @@ def _laws() -> list[str]:
             inputs = recorded(simulate(experiment), controller)
             package = c_package(controller, NAME, ABOUT, "float", freeze=freeze)
             got = measure(BOARDS[0], package, NAME, inputs, len(controller.outputs), freeze=freeze)
-            cells += [str(got.instructions.max()), *([f"{got.stack} B"] if freeze else [])]
+            cells += [str(got.instructions.max()), *([str(got.stack)] if freeze else [])]
         lines.append(f"| {kind} | {' | '.join(cells)} |")
     return lines
 
 
 def _estimators() -> list[str]:
     """What estimators cost before the paper's law in Case 4, with parameters at run time; and `site`'s controller."""
-    headings = ["instructions a step: worst", "preparing, once", "code", "RAM an instance", "stack"]
+    headings = ["instructions a step: worst", "preparing, once", "code, B", "RAM an instance, B", "stack, B"]
     lines = [
         f"| estimator | processor | precision | {' | '.join(headings)} |",
         "|---|---|---|" + "--:|" * len(headings),
@@ -147,7 +149,7 @@ def _estimators() -> list[str]:
             ram = _ram(controller, board.precision, freeze=False)
             lines.append(
                 f"| {estimator} | {board.name} | {board.precision} | {got.instructions.max()} "
-                f"| {got.preparation} | {got.code} B | {ram} B | {got.stack} B |"
+                f"| {got.preparation} | {got.code} | {ram} | {got.stack} |"
             )
     return lines
 

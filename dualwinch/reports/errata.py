@@ -36,19 +36,18 @@ NOTES = (
         "E1",
         "erratum",
         "direction of winch 2",
-        "The elongation of rope 2 is printed as x − R θ₂ (2.2), which counts paid-out rope as positive; the winch "
-        "equations (2.4) count retrieved rope as positive for both winches.",
-        "Retrieval is positive for angle, speed and torque of both winches: rope 2 is stretched by R₂ θ₂ + x.",
+        "The elongation of rope 2, x − R θ₂ (2.2), counts paid-out rope as positive, the winch equations (2.4) "
+        "retrieved rope.",
+        "Retrieval is positive for both winches: rope 2 is stretched by R₂ θ₂ + x.",
         modules=("model/plant.py",),
     ),
     Note(
         "E2",
         "erratum",
         "sign of friction and drag",
-        "Friction μ F_N and drag ½ C_d ρ A ẋ² are printed without a sign (2.3), so that they would accelerate a "
-        "vehicle that moves backwards. The drag's A is also the symbol of the rope's cross-section.",
-        "Both oppose the motion: friction follows tanh(v / friction_velocity), drag follows v |v|. The drag has an "
-        "area of its own.",
+        "Friction μ F_N and drag ½ C_d ρ A ẋ² are printed without a sign (2.3). The drag's A is also the symbol of the "
+        "rope's cross-section.",
+        "Friction follows tanh(v / friction_velocity), drag v |v|. The drag has an area of its own.",
         keys=("plant.vehicle.drag_area", "plant.vehicle.friction_velocity"),
         modules=("model/vehicle.py",),
     ),
@@ -56,7 +55,7 @@ NOTES = (
         "E3",
         "erratum",
         "drum radius lost",
-        "When the tensions are inserted, the winch equations (2.4) lose the drum radius: a force is added to torques.",
+        "The winch equations (2.4) lose the drum radius: a force is added to torques.",
         "The rope's torque on the drum is R F, as in the equation the paper starts from.",
         keys=("plant.winch_1.drum_radius", "plant.winch_2.drum_radius"),
         modules=("model/winch.py",),
@@ -65,9 +64,9 @@ NOTES = (
         "E4",
         "erratum",
         "phase of the vortices",
-        "The vortex force is a sine of 2π f t with the frequency f of the present speed (4.3). While the speed "
-        "changes, the force's own frequency differs from f. Along the flow vortices push twice in a period, with "
-        "about half the amplitude.",
+        "The vortex force is a sine of 2π f t with the frequency f of the present speed (4.3); while the speed "
+        "changes, its own frequency differs from f. Along the flow vortices push twice in a period, with about half "
+        "the amplitude.",
         "The paper's form. With integrated_phase the frequency is integrated. Twice the strouhal number and half the "
         "vortex_amplitude are the push along the flow.",
         keys=("disturbance.integrated_phase", "disturbance.strouhal", "disturbance.vortex_amplitude"),
@@ -77,9 +76,9 @@ NOTES = (
         "E5",
         "erratum",
         "jump in the reference",
-        "The constant-speed piece of the profile is printed as 1.8 t + 9 (4.1): the reference would jump by 25.2 m "
-        "at 18 s, past the track's end, and back at 29 s.",
-        "The piece is 1.8 t − 16.2, the only constant for which the profile is continuous.",
+        "The constant-speed piece of the profile is 1.8 t + 9 (4.1): the reference would jump by 25.2 m at 18 s and "
+        "back at 29 s.",
+        "The piece is 1.8 t − 16.2, with which the profile is continuous.",
         keys=("reference.kind",),
         modules=("model/reference.py",),
     ),
@@ -88,16 +87,16 @@ NOTES = (
         "erratum",
         "acceleration in the observer",
         "The disturbance observer (3.1.3) uses the acceleration error ė₂, which is not measured.",
-        "The difference of the speed error over a sample and the acceleration of the last command replace it.",
+        "The speed error's difference over a sample and the acceleration of the last command.",
         modules=("controllers/laws/observer.py",),
     ),
     Note(
         "E7",
         "erratum",
         "factor lost in the switching control",
-        "From the condition on u_sw (3.1.1) to u_sw itself, the factor p/(q β) |e₂|^(p/q−1) is lost: the sliding "
-        "variable follows the reaching law times that factor.",
-        "The control is the printed one, to reproduce the paper.",
+        "u_sw (3.1.1) lacks the factor p/(q β) |e₂|^(p/q−1) of its condition: the sliding variable follows the "
+        "reaching law times that factor.",
+        "The printed control.",
         keys=("controller.nftsm",),
         modules=("controllers/laws/nftsm.py",),
     ),
@@ -105,8 +104,7 @@ NOTES = (
         "E8",
         "erratum",
         "one γ, two units",
-        "The same γ multiplies the anti-saturation state in the sliding surface and in the force (3.1.2); it cannot "
-        "have both units.",
+        "The same γ multiplies the anti-saturation state in the sliding surface and in the force (3.1.2).",
         "Two gains: gamma in m/(N s²) for the surface, gamma_force in 1/s for the force.",
         keys=("controller.auxiliary.gamma", "controller.auxiliary.gamma_force"),
         modules=("controllers/laws/auxiliary.py",),
@@ -116,15 +114,14 @@ NOTES = (
         "erratum",
         "algebraic loop in the winch control",
         "The feedforward torque (3.3) contains the drum's acceleration, which the same torque causes.",
-        "The acceleration of the reference, divided by the drum radius, replaces it.",
+        "The acceleration of the reference, divided by the drum radius.",
         modules=("controllers/coordinations/winch_pid.py", "controllers/controller.py"),
     ),
     Note(
         "E10",
         "erratum",
         "sign of the tension error",
-        "The winch controllers' error is printed as tension minus command (3.3): positive gains would drive the "
-        "tension away from its command.",
+        "The winch controllers' error is tension minus command (3.3): positive gains would drive the tension away.",
         "The error is command minus tension.",
         keys=("controller.winch_1", "controller.winch_2"),
         modules=("controllers/coordinations/winch_pid.py",),
@@ -134,7 +131,7 @@ NOTES = (
         "erratum",
         "limit of the wrong winch",
         "One condition for the saturation of winch 2 uses the upper limit of winch 1 (3.2).",
-        "Both winches have the limits tension_min and tension_max, each used for its own winch.",
+        "Both winches have the limits tension_min and tension_max.",
         keys=("controller.coordination.tension_min", "controller.coordination.tension_max"),
         modules=("controllers/coordinations/differential_tension.py",),
     ),
@@ -151,9 +148,9 @@ NOTES = (
         "A2",
         "assumption",
         "slack ropes",
-        "The tension equations (2.2) let a rope push, although the text says that ropes only pull.",
+        "The tension equations (2.2) let a rope push.",
         "The sum of spring and damper force is never negative; a rope shorter than its rest length has no tension. "
-        "With rope_slack = false the rope is the paper's two-sided one.",
+        "With rope_slack = false the rope is the paper's.",
         keys=("plant.rope_slack",),
         modules=("model/ropes.py",),
     ),
@@ -193,8 +190,7 @@ NOTES = (
         "A6",
         "assumption",
         "added mass",
-        "The water that moves with the vehicle is neglected; for a full cylinder of its size it would be about "
-        "9.4 × 10³ kg, as much as the vehicle.",
+        "Neglected; for a full cylinder of the vehicle's size it would be about 9.4 × 10³ kg, as much as the vehicle.",
         "None by default; added_mass sets it.",
         keys=("plant.vehicle.added_mass",),
         modules=("model/vehicle.py",),
@@ -253,8 +249,8 @@ NOTES = (
         "assumption",
         "structure of the PID cascade",
         "The baseline is described by four numbers (4.1).",
-        "A position loop commands a speed, a speed loop an acceleration, which is multiplied by the mass; the "
-        "integrals are held while they would drive the force further beyond its limit.",
+        "A position loop commands a speed, a speed loop an acceleration; the integrals are held while they would drive "
+        "the force further beyond its limit.",
         keys=("controller.pid_cascade",),
         modules=("controllers/laws/pid_cascade.py",),
     ),
@@ -293,8 +289,7 @@ NOTES = (
         "A15",
         "assumption",
         "damping of the drums",
-        "The winch controllers (3.3) act on the tension alone; the oscillation of a heavy drum on its rope is then "
-        "hardly damped.",
+        "The winch controllers (3.3) act on the tension alone, which hardly damps a heavy drum on its rope.",
         "The same by default. With damping, the motor also opposes the drum's deviation from the reference speed.",
         keys=("controller.winch_1.damping",),
         modules=("controllers/coordinations/winch_pid.py",),
