@@ -121,14 +121,14 @@ class Linearisation:
             figures.append(margins_by_amplitude(_with_preload(self.experiment, preload), x, v, self.opening))
         return [item for group in figures for item in group]
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the matrices, and the `figures` under that name, to a file: .json, .mat or .npz.
+    def save(self, path: str | PathLike[str], notes: Sequence[str] = ()) -> None:
+        """Write the matrices, and the `figures` under that name with further notes, to a file: .json, .mat or .npz.
 
         Raises:
             ConfigurationError: unknown suffix.
             OSError: the file cannot be written.
         """
-        record = to_record(self.figures)
+        record = to_record([*self.figures, *map(Sentence, notes)])
         if self.swept:
             save_sweep(self.systems, path, record)
         else:

@@ -186,7 +186,9 @@ if TYPE_CHECKING:
     # ---- the command line ----
     # options that commands share, and their help
     from dualwinch.cli import options
-    # the terminal, JSON, notes, and files that were written
+    # notes on files and ensembles that may be oversights
+    from dualwinch.cli import notes
+    # the terminal, JSON, and files that were written
     from dualwinch.cli import output
     # progress on the terminal
     from dualwinch.cli.progress import ProgressLine

@@ -23,6 +23,7 @@ from dualwinch.cli.config import config
 from dualwinch.cli.doctor import doctor
 from dualwinch.cli.export import export
 from dualwinch.cli.linearise import linearise
+from dualwinch.cli.output import NOTES
 from dualwinch.cli.preload import preload
 from dualwinch.cli.reproduce import reproduce
 from dualwinch.cli.sensitivities import sensitivities
@@ -217,6 +218,7 @@ def main(arguments: list[str] | None = None) -> None:
     _check_paths(words)
     written: list[Path] = []
     WRITTEN.set(written)
+    NOTES.set([])
     try:
         command = [word for word in words if word != TRACEBACK]
         with _warnings_in_a_line():

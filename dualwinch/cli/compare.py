@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from dualwinch.cli.notes import of_machine, other_ensemble
 from dualwinch.cli.options import (
     WHOLE,
     CheckpointingWorkerOptions,
     ExperimentOptions,
     Figure,
-    note_other_ensemble,
-    note_other_machine,
     use_parts,
 )
-from dualwinch.cli.output import check_file, print_figures, version_notes, write_figure, write_json
+from dualwinch.cli.output import check_file, note, print_figures, version_notes, write_figure, write_json
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.model.quantities.figures import Figures, Sentence, to_record
 
@@ -65,9 +64,9 @@ def compare(
     contenders, population = controllers(files), given.ensemble(ensemble)
     for name in files:
         if name != PAPER:
-            note_other_ensemble(Path(name), population.name)
+            note(other_ensemble(Path(name), population.name))
             if Path(name) != given.config:
-                note_other_machine(Path(name), ensemble, population)
+                note(*of_machine(ensemble, population, Path(name)))
     check_file(out, ".json")
     with ProgressLine("simulating", command="compare", patient=True) as progress, where.workers(progress) as workers:
         result = run(contenders, population, scenarios, seed, workers=workers, progress=progress)

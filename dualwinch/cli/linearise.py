@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dualwinch.cli.options import ControllerOptions, Figure, NominalMachine
-from dualwinch.cli.output import check_file, numbers_between, print_figures, terminal, write_figure, wrote
+from dualwinch.cli.output import NOTES, check_file, numbers_between, print_figures, terminal, write_figure, wrote
 
 if TYPE_CHECKING:
     from dualwinch.analysis.linearisation import LoopName, Point
@@ -82,7 +82,7 @@ def linearise(
         result = linearisation(experiment, points, linearised, opening or "u", dt, swept)
     print_figures(result.figures)
     if out:
-        result.save(out)
+        result.save(out, NOTES.get() or ())
         wrote(out)
     write_figure(plot, lambda: result.plot(figure))
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, print_note
+from dualwinch.cli import notes
+from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, note
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.extensions import EXECUTORS, extension
 
@@ -189,16 +190,13 @@ class ExperimentOptions:
         Raises:
             ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
         """
-        from dualwinch.config.experiment_file import checked_keys, experiment_from, own_keys
+        from dualwinch.config.experiment_file import experiment_from
 
         use_parts(self.plugin)
         values = self.values
         remaining_defaults = [text for text in defaults if text.partition("=")[0] not in values]
         experiment = experiment_from(self.case, self.config, None, [*remaining_defaults, *self.assignments])
-        keys_of_user = own_keys(self.config) if self.config else frozenset()
-        note_empty(self.config)
-        checked = checked_keys(self.config) if self.config else frozenset()
-        note_left_defaults(experiment, keys_of_user | values.keys(), checked)
+        note(*notes.of_file(self.config), *notes.of_experiment(experiment, self.config, values))
         return experiment
 
     def exported(self, block: str | None = None) -> Experiment:
@@ -208,8 +206,7 @@ class ExperimentOptions:
 
         experiment = self.experiment()
         if block != "plant" and experiment.plant != Experiment().plant:
-            for words in loop_notes(experiment):
-                print_note(in_full(words, self.typed), stderr=True)
+            note(*(in_full(words, self.typed) for words in loop_notes(experiment)))
         return experiment
 
     def nominal(self, ensemble: str | None) -> Experiment:
@@ -235,7 +232,7 @@ class ExperimentOptions:
         base = self._unchanged(name)
         if not base.distributions:
             words = "it has no [distributions], so no value is drawn, and scenarios differ in their noise at most"
-            print_note(f"the ensemble '{base.name}': {words}", stderr=True)
+            note(f"the ensemble '{base.name}': {words}")
         return reset(base, self.values)
 
     def _unchanged(self, ensemble: str) -> Ensemble:
@@ -245,9 +242,8 @@ class ExperimentOptions:
 
         use_parts(self.plugin)
         population = load_ensemble(ensemble, experiment_from(self.case, self.config))
-        note_empty(self.config)
-        note_other_machine(self.config, ensemble, population)
-        note_papers_machine(self, ensemble, population)
+        note(*notes.of_file(self.config))
+        note(*notes.of_machine(ensemble, population, self.config, self.case, self.values))
         return population
 
 
@@ -306,169 +302,8 @@ class ControllerOptions(ExperimentOptions):
         from dualwinch.analysis.design import designed
 
         design = designed(machine, kept=self.values.keys())
-        for line in str(design).splitlines():
-            print_note(f"{DESIGNED}: {line}", stderr=True)
+        note(*(f"{DESIGNED}: {line}" for line in str(design).splitlines()))
         return design
-
-
-def note_left_defaults(experiment: Experiment, own: Collection[str], checked: Collection[str]) -> None:
-    """Print notes on defaults that do not follow the user's `own` keys, and on units, idle values and sensors.
-
-    Values of `checked` keys are right.
-    """
-    if not own:
-        return
-    from dualwinch.analysis.plausibility import unlikely_units
-    from dualwinch.analysis.remarks import defaults_left, raised_substeps, without_effect
-    from dualwinch.analysis.sensor_remarks import sensor_remarks
-    from dualwinch.simulation.experiment import Experiment
-
-    same = experiment.plant == Experiment().plant
-    remarks = [] if same else [*defaults_left(experiment, own), *unlikely_units(experiment, own, checked)]
-    for words in [
-        *remarks,
-        *raised_substeps(experiment),
-        *without_effect(experiment, own),
-        *sensor_remarks(experiment, checked),
-    ]:
-        print_note(words, stderr=True)
-
-
-def note_empty(file: Path | None) -> None:
-    """Print a note if an experiment's file gives no key, so that everything in it is a default."""
-    from dualwinch.config.experiment_file import given_keys
-
-    if file is not None and not given_keys(file):
-        print_note(f"{file}: gives no key, so that everything is the default, the paper's machine", stderr=True)
-
-
-def note_papers_machine(given: ExperimentOptions, name: str, drawn: Ensemble) -> None:
-    """Print a note if neither an ensemble's own file nor an option describes a machine: it is the paper's then."""
-    if given.case is None and given.config is None and (words := papers_machine(name, drawn, given.values)):
-        print_note(words, stderr=True)
-
-
-def papers_machine(name: str, drawn: Ensemble, asked: Collection[str] = ()) -> str:
-    """Say that an ensemble is on the paper's machine, as its file gives no value of a plant; empty for a built-in one.
-
-    Distributions alone describe no machine. Keys `asked` for by ``--set`` count as the file's.
-    """
-    from dualwinch.config.ensemble_file import built_in_ensembles, find_ensemble
-    from dualwinch.config.experiment_file import given_keys
-
-    if name in built_in_ensembles():
-        return ""
-    if any(key.startswith("plant.") for key in (*given_keys(find_ensemble(name)), *asked)):
-        return ""
-    plant = drawn.experiment.plant
-    return (
-        f"{name}: gives no value of the plant, so that the machine is the paper's: {plant.vehicle.mass / 1e3:g} t on "
-        f"{plant.track.length:g} m; --config FILE gives another"
-    )
-
-
-def note_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
-    """Print notes on differences between the machine of a file and that of an ensemble."""
-    if file is None:
-        return
-    for words in filter(None, (other_machine(file, name, drawn), sizes_of_ensemble(file, name, drawn))):
-        print_note(words, stderr=True)
-
-
-def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
-    """Name the absolute sizes that a built-in ensemble sets or draws, and that do not follow the machine of a file.
-
-    They are in m, N and so on, chosen for machines like the paper's; relative values do follow, and keys that the file
-    gives are left out. Empty for no such sizes, the paper's machine, and ensembles of the user's own.
-    """
-    from dualwinch.analysis.remarks import starred, swapped
-    from dualwinch.config.ensemble_file import built_in_ensembles, load_ensemble
-    from dualwinch.config.experiment_file import given_keys, load
-    from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.experiment import Experiment
-    from dualwinch.simulation.settings import leaf_of
-
-    if name not in built_in_ensembles() or load(file).plant == Experiment().plant:
-        return ""
-    nominal, usual = leaves(load_ensemble(name).experiment), leaves(Experiment())
-    absolute = {key: "" for key, how in drawn.distributions.items() if not how.relative}
-    sizes = {
-        key: f" = {value:g}" for key, value in nominal.items() if isinstance(value, float) and value != usual.get(key)
-    }
-    keys_of_file = given_keys(file)
-    ensembles = {
-        key: words
-        for key, words in (sizes | absolute).items()
-        if key.startswith("plant.")
-        and key not in keys_of_file
-        and leaf_of(key, drawn.experiment).quantity.unit not in {"", "1", "rad"}
-    }
-    if not ensembles:
-        return ""
-    merged = [f"{starred(key) if swapped(key) in ensembles else key}{words}" for key, words in ensembles.items()]
-    sizes_there = first(list(dict.fromkeys(merged)), 5)
-    return (
-        f"the ensemble '{drawn.name}' has sizes that do not follow from {file}: {sizes_there}; for your own, edit a "
-        f"copy of it (dualwinch config --ensemble {name} > my.toml)"
-    )
-
-
-def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
-    """Name the differences between the machine of a file and an ensemble's nominal one, with a remedy.
-
-    Default values in the file that the ensemble's own file replaces are left out. Empty if there is no difference.
-    """
-    from dualwinch.config.ensemble_file import load_ensemble
-    from dualwinch.config.experiment_file import given_keys, load
-    from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.experiment import Experiment
-
-    experiment_of_file = load(file)
-    file_values, here, usual = (leaves(each) for each in (experiment_of_file, drawn.experiment, Experiment()))
-    around = leaves(load_ensemble(name, experiment_of_file).experiment)
-    keys = [key for key in given_keys(file) if key.startswith("plant.") and file_values.get(key) != here.get(key)]
-    missed = sorted(key for key in keys if around.get(key) == file_values.get(key))
-    replaced = sorted(key for key in keys if key not in missed and file_values.get(key) != usual.get(key))
-    if not (missed or replaced):
-        return ""
-    differences = [f"{key} = {file_values.get(key)} there, {here.get(key)} here" for key in missed + replaced]
-    about = f"{file}: for another machine ({first(differences, 2)})"
-    if missed:
-        return f"{about}; to judge it on its own: --config {file}"
-    return (
-        f"{about}: the ensemble '{drawn.name}' sets these itself; for yours, edit a copy of it "
-        f"(dualwinch config --ensemble {name} > my.toml)"
-    )
-
-
-def first(words: list[str], count: int) -> str:
-    """The first words of a list, and the number of the others."""
-    return ", ".join(words[:count]) + (f", and {len(words) - count} more" if len(words) > count else "")
-
-
-def note_other_ensemble(file: Path | None, *names: str) -> None:
-    """Print a note if the gains of a file were tuned in another ensemble."""
-    if file is not None and (words := other_ensemble(file, *names)):
-        print_note(words, stderr=True)
-
-
-def other_ensemble(file: Path, *names: str) -> str:
-    """Say that the gains of a file were tuned in another ensemble than those in which they are judged, with a remedy.
-
-    The head of a file names the ensemble in which `dualwinch tune` or `race` found its gains. Empty if that is one of
-    `names`, where `NO_ENSEMBLE` stands for the experiment itself, or if it names none.
-    """
-    from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN, built_in_ensembles
-    from dualwinch.config.toml_text import head_comment, read_source
-
-    tuned_in = head_comment(read_source(file).text, TUNED_IN)
-    if tuned_in in {"", *names}:
-        return ""
-    criterion = f"judged in {' with '.join(repr(name) for name in names if name != NO_ENSEMBLE)}"
-    if tuned_in == NO_ENSEMBLE:
-        return f"{file}: tuned in one run, {criterion}"
-    source = tuned_in if tuned_in in built_in_ensembles() else f"with the file of '{tuned_in}'"
-    return f"{file}: tuned in '{tuned_in}', {criterion}; to judge it where it was tuned: --ensemble {source}"
 
 
 LONGEST_TIME = 1e7

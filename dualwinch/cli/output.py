@@ -4,8 +4,9 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict
 from pathlib import Path
 from textwrap import fill
@@ -22,6 +23,7 @@ from dualwinch.model.quantities.figures import FigureColumn, Figures, FigureTabl
 
 if TYPE_CHECKING:
     from dualwinch.analysis.idealisations import Idealisation
+    from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.results.result import Result
 
 
@@ -189,9 +191,21 @@ def version_notes() -> dict[str, str]:
     return {f"version_{name}": version for name, version in versions().items()}
 
 
-def print_note(words: str, *, stderr: bool = False) -> None:
-    """Print a note."""
-    terminal(stderr=stderr, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
+NOTES: ContextVar[list[str] | None] = ContextVar("NOTES", default=None)
+"""Notes of the running command, which every JSON has as well; None outside a command."""
+
+
+def print_remarks(remarks: Iterable[str], *, stderr: bool = False) -> None:
+    """Print remarks, a line each; empty ones are none."""
+    for words in filter(None, remarks):
+        terminal(stderr=stderr, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
+
+
+def note(*words: str) -> None:
+    """Print notes on standard error, and keep them for the command's JSON (`json_text`)."""
+    print_remarks(words, stderr=True)
+    if (notes := NOTES.get()) is not None:
+        notes += filter(None, words)
 
 
 def wrote(file: object) -> None:
@@ -214,9 +228,11 @@ def if_interrupted(words: str) -> Iterator[None]:
 
 
 def json_text(facts: Mapping[str, Any]) -> str:
-    """A mapping as JSON."""
+    """A mapping as JSON, with the command's notes among its own."""
     from dualwinch.model.quantities.figures import plain
 
+    if notes := NOTES.get():
+        facts = {**facts, "notes": [*facts.get("notes", ()), *notes]}
     return json.dumps(plain(facts), indent=1, allow_nan=False) + "\n"
 
 
@@ -225,12 +241,30 @@ def print_json(facts: Mapping[str, Any]) -> None:
     sys.stdout.write(json_text(facts))
 
 
-def print_idealisations(found: "Sequence[Idealisation]") -> None:
+def print_idealisations(idealisations: "Sequence[Idealisation]") -> None:
     """Print a plant's idealisations in one line, if any."""
     from dualwinch.analysis.idealisations import summary
 
-    if words := summary(found):
+    if words := summary(idealisations):
         terminal(soft_wrap=True).print(words, highlight=False)
+
+
+def print_run(
+    facts: Mapping[str, Any], figures: Figures, remarks: Iterable[str], experiment: "Experiment", *, json: bool
+) -> None:
+    """Print figures of a run or an ensemble, remarks, and the plant's idealisations; or all of it as JSON."""
+    from dualwinch.analysis.idealisations import idealisations
+
+    remarks, simplifications = list(remarks), idealisations(experiment)
+    if json:
+        tables = [item for item in figures if isinstance(item, FigureTable)]
+        units = {name: unit for table in tables for name, unit in table.to_record()["units"].items()}
+        idealised = list(map(asdict, simplifications))
+        print_json({**facts, "remarks": remarks, "idealisations": idealised, "units": units | facts.get("units", {})})
+        return
+    print_figures(figures)
+    print_remarks(remarks)
+    print_idealisations(simplifications)
 
 
 def print_result(result: "Result", typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
@@ -238,25 +272,18 @@ def print_result(result: "Result", typed: str = "", *, json: bool, loop: bool = 
 
     With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
     """
-    from dualwinch.analysis.idealisations import idealisations
     from dualwinch.analysis.remarks import in_full, remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
-    metrics, simplifications = result.metrics, idealisations(result.experiment)
-    notes = [in_full(words, typed) for words in remarks(result, loop=loop)]
-    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
-    table = FigureTable("metrics", columns, [list(dict(metrics).values())], layout="columns")
+    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in result.metrics.quantities.items()]
+    table = FigureTable("metrics", columns, [list(dict(result.metrics).values())], layout="columns")
     kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
-    if json:
-        facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        facts |= {"metrics": dict(metrics), "units": table.to_record()["units"] | {"end_time": "s"}, "remarks": notes}
-        print_json({**facts, "idealisations": [asdict(one) for one in simplifications], **further})
-        return
+    facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
+    facts |= {"metrics": dict(result.metrics), "units": {"end_time": "s"}} | further
     words = f" ({solver})" if is_automatic(result.experiment) else ""
-    print_figures([Sentence(f": {result.outcome} at {result.end_time:g} s{words}", kind), table])
-    for words in notes:
-        print_note(words)
-    print_idealisations(simplifications)
+    figures = [Sentence(f": {result.outcome} at {result.end_time:g} s{words}", kind), table]
+    notes = (in_full(words, typed) for words in remarks(result, loop=loop))
+    print_run(facts, figures, notes, result.experiment, json=json)
 
 
 def write_text(file: Path | None, text: Callable[[], str]) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dualwinch.cli.options import ControllerOptions, Figure
-from dualwinch.cli.output import check_file, print_figures, print_note, versions, write_figure, write_json
+from dualwinch.cli.output import check_file, print_figures, print_remarks, versions, write_figure, write_json
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.model.quantities.figures import to_record
 
@@ -60,8 +60,7 @@ def preload(
         )
     notes = [in_full(words, given.typed) for words in comparison.remarks]
     print_figures(comparison.figures)
-    for words in notes:
-        print_note(words)
+    print_remarks(notes)
     facts = {"remarks": notes, "notes": to_record(comparison.figures)["notes"]}
     facts |= {"configuration": to_toml(comparison.scheduled.experiment), "versions": versions()}
     write_json(out, comparison.to_record() | facts)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import shlex
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from dualwinch.cli.notes import other_ensemble
 from dualwinch.cli.options import (
     WHOLE,
     CheckpointingWorkerOptions,
@@ -17,15 +18,12 @@ from dualwinch.cli.options import (
     Json,
     Whole,
     default_of,
-    note_other_ensemble,
 )
 from dualwinch.cli.output import (
     check_file,
-    print_figures,
-    print_idealisations,
-    print_json,
-    print_note,
+    note,
     print_result,
+    print_run,
     terminal,
     version_notes,
     write_figure,
@@ -112,7 +110,8 @@ def simulate(
     if engine:
         options = replace(options, set_=[*(options.set_ or []), f"simulation.engine={engine}"])
     draws, typed = options.ensemble(ensemble), f"{options.typed} {shlex.join(['--ensemble', ensemble])}".lstrip()
-    note_other_ensemble(options.config, draws.name)
+    if options.config:
+        note(other_ensemble(options.config, draws.name))
     count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
     simulate_ensemble(draws, count, seed, out, plot, where, typed, statistics_only=statistics_only, json=json)
 
@@ -228,35 +227,24 @@ def engine_here(engine: EngineName) -> EngineName:
 
 def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, json: bool) -> None:
     """Print outcomes and statistics of an ensemble, and remarks, whose commands have the options `typed`."""
-    from dualwinch.analysis.idealisations import idealisations
     from dualwinch.analysis.remarks import in_full, remarks
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
-    simplifications = idealisations(experiment)
     columns = [FigureColumn.of(*metric) for metric in metric_quantities(experiment.metrics).items()]
     kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
     rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
     columns = [FigureColumn("statistic", "", words=kinds), *columns]
-    table = FigureTable("statistics", columns, rows, layout="columns")
     completed = result.outcome_counts.get("completed", 0)
-    notes = [in_full(words, typed) for words in remarks(result)]
-    if json:
-        facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
-        facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
-        facts |= {"remarks": notes, "idealisations": [asdict(one) for one in simplifications]}
-        print_json({**facts, "units": table.to_record()["units"], "statistics": statistics})
-        return
+    facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
+    facts |= {"scenarios": len(result), "scenarios_asked": result.asked, "statistics": statistics}
     counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
     population = f" in '{result.ensemble.name}', seed {result.seed}: {counts}"
     figures: list[FigureTable | Sentence] = [Sentence(population, experiment.controller.law.kind)]
     if result.partial:
         figures.append(Sentence(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept"))
-    figures.append(table)
+    figures.append(FigureTable("statistics", columns, rows, layout="columns"))
     if completed < len(result):
         words = f"Statistics are those of the {completed} of {len(result)} scenarios that were completed."
         figures.append(Sentence(words))
-    print_figures(figures)
-    for words in notes:
-        print_note(words)
-    print_idealisations(simplifications)
+    print_run(facts, figures, (in_full(words, typed) for words in remarks(result)), experiment, json=json)

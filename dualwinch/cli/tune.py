@@ -16,14 +16,13 @@ from cyclopts import Parameter
 from rich.text import Text
 
 from dualwinch import __version__
+from dualwinch.cli.notes import of_machine
 from dualwinch.cli.options import (
     WHOLE,
     ExperimentOptions,
     Whole,
     WorkerOptions,
     default_of,
-    note_other_machine,
-    note_papers_machine,
     own_default,
     seconds_from,
     share_from,
@@ -32,9 +31,10 @@ from dualwinch.cli.options import (
 )
 from dualwinch.cli.output import (
     if_interrupted,
+    note,
     print_figures,
     print_idealisations,
-    print_note,
+    print_remarks,
     styled,
     terminal,
     versions,
@@ -174,10 +174,9 @@ def tune(
             confidence=share_from(confidence, "--confidence", own_default(tuning_options, "confidence")),
         )
         if problem.ensemble and ensemble:
-            note_other_machine(given.config, ensemble, problem.ensemble)
-            note_papers_machine(given, ensemble, problem.ensemble)
+            note(*of_machine(ensemble, problem.ensemble, given.config, given.case, given.values))
         following = next_line(options.out / "best.toml", ensemble, given)
-        run_study(problem, options, line, given.plugin, following)
+        run_study(problem, options, line, given.plugin, following, given.config)
         if options.stress:
             stress_best(options.out, ensemble, seed, given.plugin)
         line.say(f"next: {following}")
@@ -235,10 +234,12 @@ def run_study(
     line: ProgressLine,
     plugins: list[str] | None = None,
     following: str = "",
+    config: Path | None = None,
 ) -> TuningResult:
     """Check the problem and files, then search, select, score, write and print.
 
-    Printed commands about the best gains load the `plugins`; the report ends with the command `following`.
+    Printed commands about the best gains load the `plugins`; the report ends with the command `following`. Values that
+    the experiment's file `config` marks as right are marked in the best gains' as well.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
@@ -281,7 +282,7 @@ def run_study(
                     watch=TuningProgress(line, problem.objectives),
                 )
             line(1.0, "writing best.toml, study.json and report.html")
-            write(tuned, options, plugins or [], following)
+            write(tuned, options, plugins or [], following, config)
             line.stop()
             if tuned.interrupted:
                 line.say("interrupted; this is the best so far")
@@ -302,11 +303,17 @@ def seen_from(folder: Path, plugin: str) -> str:
         return str(Path(plugin).absolute())
 
 
-def write(tuned: TuningResult, options: StudyOptions, plugins: Sequence[str] = (), following: str = "") -> None:
-    """Write ``best.toml``, ``study.json`` and ``report.html``; `plugins` and `following` as in `run_study`."""
+def write(
+    tuned: TuningResult,
+    options: StudyOptions,
+    plugins: Sequence[str] = (),
+    following: str = "",
+    config: Path | None = None,
+) -> None:
+    """Write ``best.toml``, ``study.json`` and ``report.html``; further arguments as in `run_study`."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN
-    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.config.experiment_file import checked_keys, to_toml
     from dualwinch.config.folders import check_folder
     from dualwinch.reports.tuning import write_tuning_report
     from dualwinch.tuning.record import write_best, write_study
@@ -328,7 +335,7 @@ def write(tuned: TuningResult, options: StudyOptions, plugins: Sequence[str] = (
     if parts:
         facts["parts"] = in_words(parts)
     check_folder(out)
-    best = to_toml(tuned.best)
+    best = to_toml(tuned.best, checked=checked_keys(config) if config else ())
     here = ExperimentOptions(config=Path("best.toml"), plugin=[seen_from(out, plugin) for plugin in plugins]).typed
     write_best(out / "best.toml", tuned, best, facts, here)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
@@ -402,8 +409,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
 
     say(styled("bold", result.worth(tuned)))
     say(result.headline(tuned))
-    for words in tuned.remarks:
-        print_note(in_full(words, typed))
+    print_remarks(in_full(words, typed) for words in tuned.remarks)
     names, rows = result.statistics_table(tuned)
     columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
     print_figures([FigureTable("statistics", columns, rows)])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dualwinch.toolbox import ProgressLine, options, output
+from dualwinch.toolbox import ProgressLine, notes, options, output
 
 if TYPE_CHECKING:
     from dualwinch.toolboxes.race.result import RaceResult
@@ -81,8 +81,8 @@ def race(
     options.use_parts(plugin)
     name = options.own_default("race", "ensemble") if ensemble is None else ensemble
     scenes = ensemble_file.load_ensemble(name, experiment_file.load(config) if config else None)
-    options.note_other_machine(config, name, scenes)
-    options.note_papers_machine(options.ExperimentOptions(config=config, set_=set_), name, scenes)
+    assigned = options.ExperimentOptions(set_=set_).values
+    output.note(*notes.of_machine(name, scenes, config, assigned=assigned))
     with (
         folders.made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,

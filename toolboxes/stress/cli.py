@@ -13,7 +13,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import TYPE_CHECKING, Annotated, Any
 
-from dualwinch.toolbox import ProgressLine, options, output
+from dualwinch.toolbox import ProgressLine, notes, options, output
 
 if TYPE_CHECKING:
     from dualwinch.toolbox import Ensemble, Experiment
@@ -70,12 +70,14 @@ def stress(
         names = [ensemble_file.NO_ENSEMBLE]
         if base_name != NO_BASE:
             base_ensemble = ensemble_file.load_ensemble(base_name, experiment)
-            note_replaced(file, base_name, base_ensemble, given.values)
+            replacements = replaced(file, base_name, base_ensemble, given.values)
+            sizes = notes.sizes_of_ensemble(file, base_name, base_ensemble)
+            output.note(replacements, sizes)
             names = [base_ensemble.name]
         imperfect = ensemble_file.load_ensemble(
             options.own_default("stress", "ensemble") if ensemble is None else ensemble, experiment
         )
-        options.note_other_ensemble(file, *names, imperfect.name)
+        output.note(notes.other_ensemble(file, *names, imperfect.name))
     unfinished = out / UNFINISHED if out and not where.checkpoint else None
     where = replace(where, checkpoint=where.checkpoint or unfinished)
     try:
@@ -112,15 +114,6 @@ UNFINISHED = "unfinished-stress"
 """Folder of the finished portions of a call that is not finished."""
 
 
-def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str]) -> None:
-    """Print notes on values of the gains' file that a base sets itself, and on sizes in it that do not follow.
-
-    Keys that were `asked` for by ``--set`` are left out.
-    """
-    for words in filter(None, (replaced(file, name, base, asked), options.sizes_of_ensemble(file, name, base))):
-        output.print_note(words, stderr=True)
-
-
 def replaced(file: Path, name: str, base: Ensemble, assigned: Collection[str] = ()) -> str:
     """Name the values of the gains' file that a base sets itself, those first that are no defaults; empty if none."""
     from dualwinch.toolbox import Experiment, experiment_file, leaves, settings, tree
@@ -144,7 +137,7 @@ def replaced(file: Path, name: str, base: Ensemble, assigned: Collection[str] = 
     keys.sort(key=lambda key: (file_values[key] == defaults.get(key), key))
     differences = [f"{key} = {tree.shown(base_values[key])} (the file: {tree.shown(file_values[key])})" for key in keys]
     return (
-        f"the base '{base.name}' sets values of its own: {options.first(differences, 3)}; to judge the gains with "
+        f"the base '{base.name}' sets values of its own: {notes.listed(differences, 3)}; to judge the gains with "
         f"those of {file}: --base none, or edit a copy of the base (dualwinch config --ensemble {name} > my.toml)"
     )
 

@@ -7,7 +7,8 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.cli.compare import controllers, short_names
-from dualwinch.cli.options import ExperimentOptions, other_ensemble, other_machine, sizes_of_ensemble
+from dualwinch.cli.notes import other_ensemble, other_machine, sizes_of_ensemble
+from dualwinch.cli.options import ExperimentOptions
 from dualwinch.cli.output import json_text
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble

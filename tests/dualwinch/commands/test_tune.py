@@ -14,7 +14,8 @@ import pytest
 from rich.console import Console
 
 from dualwinch.cli import main
-from dualwinch.cli.options import other_ensemble, seconds_from
+from dualwinch.cli.notes import other_ensemble
+from dualwinch.cli.options import seconds_from
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves

@@ -9,7 +9,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.cli.options import other_ensemble
+from dualwinch.cli.notes import other_ensemble
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.quantities.tree import leaves
