@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
+import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -21,6 +22,9 @@ LAST_BIT = 1e-14
 
 PHYSICAL = ("plant.", "controller.", "disturbance.", "sensors.")
 """Prefixes of the keys of an experiment whose values are moved: the times of samples stay."""
+
+COMPUTERS = pytest.mark.parametrize("seeds", [SEEDS[:2], pytest.param(SEEDS[2:], marks=pytest.mark.slow)])
+"""Mark of a test that takes long on each computer, with an argument ``seeds``: two of them are quick."""
 
 Value = TypeVar("Value")
 

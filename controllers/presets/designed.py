@@ -137,7 +137,8 @@ def bandwidth_limits(
             sag = float(span_frequency(side.rope, tension, length, track))
             spans.append(BandwidthLimit(f"sag of rope {side.number} in its spans", sag / RESONANCE_MARGIN))
     lag = BandwidthLimit("lag of drive, samples and load cell", 1 / (LAG_RATIO * timing.lag))
-    smallest = [min(limits, key=lambda limit: limit.bandwidth) for limits in (drums, spans) if limits]
+    # to nine digits, so that of two equal drums the first is named, whatever a processor rounds
+    smallest = [min(limits, key=lambda limit: float(f"{limit.bandwidth:.9g}")) for limits in (drums, spans) if limits]
     return tuple(sorted((lag, *smallest), key=lambda limit: limit.bandwidth))
 
 

@@ -3,10 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 import dualwinch as dw
-from tests.last_bit import SEEDS, perturbed
+from tests.last_bit import COMPUTERS, perturbed
 
 SHORT = dw.override(dw.case(4), {"simulation.duration": 2.0})
 
@@ -17,7 +16,7 @@ def search(experiment: dw.Experiment) -> dw.TuningResult:
     return dw.tune(dw.tuning_problem(experiment, space=space, constraints=["worst.slack_share<=0"]), trials=50)
 
 
-@pytest.mark.parametrize("seeds", [SEEDS[:2], pytest.param(SEEDS[2:], marks=pytest.mark.slow)])
+@COMPUTERS
 def test_the_same_trials_are_ranked_alike_and_the_same_one_is_best(seeds: range) -> None:
     tuned = search(SHORT)
     errors = np.array([trial.objectives[0] for trial in tuned.trials])
