@@ -580,15 +580,8 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
 
     def maximised(at: Floats, fixed: int | None) -> tuple[Floats, float]:
         """Coordinates of the largest likelihood, possibly with one coordinate fixed, and the deviance there."""
-        step = None
-        for _ in range(options.max_profile_steps):
-            found = method.likelihood.step(at, estimate.noise, coordinates, step, fixed)
-            if found is None:
-                return at, np.inf
-            step, at = found, found.at
-            if step.fall < options.profile_tolerance:
-                break
-        return at, np.inf if step is None else step.deviance
+        maximum = method.likelihood.maximum(at, estimate.noise, coordinates, fixed, size=1.0)
+        return (maximum.at, maximum.deviance) if maximum else (at, np.inf)
 
     best, least = maximised(coordinates.of(estimate.values), None)
     value = float(coordinates.values(best)[index])

@@ -26,7 +26,7 @@ from dualwinch.toolbox import (
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.toolboxes.identification.likelihood import (
     Likelihood,
-    NewtonStep,
+    LikelihoodMaximum,
     NoiseEstimator,
     initial_measurement_noise,
 )
@@ -67,10 +67,10 @@ class ParameterEstimate:
         noise: R and Q.
         experiment: with these values.
         deviance: minus twice the log-likelihood, up to a constant.
-        rough: the deviance after least squares, before Newton steps.
-        finished: whether Newton steps followed.
+        rough: the deviance after least squares, before it was maximised.
+        finished: whether it was.
         passes: number of passes through the logs so far.
-        converged: whether the last step found no likelier values.
+        converged: whether no neighbour at `SearchOptions.accuracy` standard deviations is likelier, with this noise.
     """
 
     values: Floats
@@ -97,8 +97,8 @@ class PredictionErrorMethod:
        with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
        parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
        are estimated too.
-    3. Newton steps by differences of the likelihood, with updates of R, and of Q until these hardly lower the
-       deviance, until it stops falling and does not lie lower beyond a jump of the likelihood either.
+    3. Noise and values in turn, the values by Newton steps with differences of the likelihood, until it hardly rises;
+       then, with this noise, to a local maximum (`Likelihood.maximum`).
     """
 
     def __init__(
@@ -200,11 +200,12 @@ class PredictionErrorMethod:
             information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
             deviance, finished, converged = rough, False, False
         else:
-            step, noise, converged = self._newton_steps(values, noise, estimated, progress)
-            if step is None:
+            maximum, noise = self._maximum(values, noise, estimated, progress)
+            if maximum is None:
                 raise self._diverged()
-            values = unwrapped(coordinates.values(step.at), self.unknowns)
-            information, deviance, finished = step.information, step.deviance, True
+            values = unwrapped(coordinates.values(maximum.at), self.unknowns)
+            information, deviance, finished = maximum.information, maximum.deviance, True
+            converged = maximum.converged
         return ParameterEstimate(
             values=values,
             information=information,
@@ -220,25 +221,25 @@ class PredictionErrorMethod:
     def continued(
         self, start: Floats, noise: NoiseCovariances, progress: progresses.Progress = progresses.no_progress
     ) -> ParameterEstimate:
-        """Newton steps from values near a maximum of the likelihood, with the noise there as start of its estimation.
+        """The maximum of the likelihood near values, with the noise there as start of its estimation.
 
         Raises:
             DivergedFilterError: the filter diverges.
         """
-        step, noise, converged = self._newton_steps(start, noise, estimated=True, progress=progress)
-        if step is None:
+        maximum, noise = self._maximum(start, noise, estimated=True, progress=progress)
+        if maximum is None:
             raise self._diverged()
-        values = unwrapped(self.coordinates().values(step.at), self.unknowns)
+        values = unwrapped(self.coordinates().values(maximum.at), self.unknowns)
         return ParameterEstimate(
             values=values,
-            information=step.information,
+            information=maximum.information,
             noise=noise,
             experiment=self.with_values(values),
-            deviance=step.deviance,
-            rough=step.deviance,
+            deviance=maximum.deviance,
+            rough=maximum.deviance,
             finished=True,
             passes=self.passes,
-            converged=converged,
+            converged=maximum.converged,
         )
 
     def _diverged(self) -> DivergedFilterError:
@@ -289,42 +290,47 @@ class PredictionErrorMethod:
             before = moved
         return values, noise
 
-    def _newton_steps(
+    def _maximum(
         self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: progresses.Progress
-    ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
-        """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
-        search, coordinates = self._search, self.coordinates()
-        at, step, before = coordinates.of(values), None, None
-        settled = not (estimated and search.min_process_noise_steps)
-        for number in range(search.max_steps):
-            progress((1 + number / (number + 2)) / 2)  # a few steps are usual
+    ) -> tuple[LikelihoodMaximum | None, NoiseCovariances]:
+        """The maximum of the likelihood near values, ``None`` if filters diverge, and the noise with it."""
+        search, coordinates, maximum = self._search, self.coordinates(), None
+        at = coordinates.of(values)
+        for _ in range(search.max_steps):
             if estimated:
-                experiment = self.with_values(coordinates.values(at))
-                if not settled:
-                    noise = self._noise.with_process_noise(experiment, noise)
-                    noise = self._noise.with_sea(experiment, noise)
-                filtered = self.filters.run(experiment, noise, gains=False)
-                noise = self._noise.with_measurement_noise(experiment, noise, filtered)
-            found = self.likelihood.step(at, noise, coordinates, before)
-            if found is None:
+                at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, 0.5, 0.8))
+            maximum = self.likelihood.maximum(at, noise, coordinates, progress=progresses.part(progress, 0.8, 1.0))
+            if not estimated or maximum is None or maximum.fall < search.process_noise_tolerance:
                 break
-            if step and number + 1 >= search.min_process_noise_steps:
-                by_noise = step.deviance - (found.deviance + found.fall)
-                settled = settled or by_noise < search.process_noise_tolerance
-            step = before = found
-            at = step.at
-            if settled and step.fall < search.tolerance:
-                likelier = self.likelihood.beyond_jumps(step, noise, coordinates)
-                if likelier is None:
-                    return step, noise, self._is_last(step)
-                at, before = likelier, None
-        else:  # where noise still changes a little, values may not
-            return step, noise, step is not None and not settled and self._is_last(step)
-        return step, noise, False
+            at = maximum.at
+        return maximum, noise
 
-    def _is_last(self, step: NewtonStep) -> bool:
-        """Whether a step lowers the deviance hardly, and a better one is not in sight."""
-        return step.fall < self._search.tolerance and step.expected_fall < self._search.retried_fall
+    def _in_turn(
+        self, at: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates, progress: progresses.Progress
+    ) -> tuple[Floats, NoiseCovariances]:
+        """Coordinates and noise by maximising the likelihood over either in turn, until it hardly rises.
+
+        Expectation and conditional maximisation (Meng and Rubin, Biometrika 80 (1993) 267); the coordinates by one poll
+        at each turn (`Likelihood.poll`).
+        """
+        search, before = self._search, np.inf
+        for number in range(search.max_steps):
+            progress(number / (number + 2))  # a few turns are usual
+            experiment = self.with_values(coordinates.values(at))
+            noise = self._noise.with_process_noise(experiment, noise)
+            noise = self._noise.with_sea(experiment, noise)
+            noise = self._noise.with_measurement_noise(
+                experiment, noise, self.filters.run(experiment, noise, gains=False)
+            )
+            frame = self.likelihood.frame(at, noise, coordinates)
+            if frame is None:
+                break
+            here = float(self.likelihood.deviances([at], noise, coordinates)[0])
+            result = self.likelihood.poll(frame, at, here, 1.0, noise, coordinates)
+            at, fall, before = result.at, before - result.deviance, result.deviance
+            if number + 1 >= search.min_process_noise_steps and fall < search.process_noise_tolerance:
+                break
+        return at, noise
 
     @property
     def _has_speed(self) -> bool:

@@ -5,14 +5,13 @@ R is estimated by expectation maximisation, Q by line searches of the likelihood
 With fixed gains of the filters, the whitened innovations are a least-squares problem in the parameters with exact
 derivatives, which leads near the maximum. But gains and variances depend on the parameters, too: Newton steps by
 differences of the likelihood itself account for that. Differences are taken along hardly correlated directions of one
-standard deviation each, so that each has its own slope and curvature; directions in which least squares prove right are
-not differenced again.
+standard deviation each, so that each has its own slope and curvature.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import reduce
 from itertools import product
 from typing import Any
 
@@ -20,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
-from dualwinch.toolbox import Experiment, compiled, sensing
-from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
+from dualwinch.toolbox import Experiment, compiled, progresses, sensing
+from dualwinch.toolboxes.identification.filter import LogFilters, all_completed
 from dualwinch.toolboxes.identification.options import NoiseOptions, SearchOptions
 from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
 from dualwinch.toolboxes.identification.unknowns import SearchCoordinates
@@ -353,30 +352,73 @@ class NoiseEstimator:
 
 
 @dataclass(frozen=True)
-class NewtonStep:
-    """A Newton step of the deviance: minus twice the log-likelihood, up to a constant.
+class WhitenedFrame:
+    """Directions of one standard deviation each from a point, hardly correlated, by least squares with the gains there.
 
     Attributes:
-        at: (p,) coordinates after the step.
-        deviance: after the step.
-        fall: of the deviance.
-        expected_fall: of the deviance, by the quadratic model.
-        slopes: (p,) slopes of half the deviance along the directions, less those of least squares.
-        curvatures: (p,) second derivatives likewise; 1 is that of least squares.
-        directions: (p, p) these directions, one a row, in coordinates.
-        information: (p, p) before the step, of the logs alone, in units of the unknowns, with these curvatures.
-            Curvatures above 1 count as 1: mostly such a direction is curved, as that of an angle, and straight over
-            only a part of the deviation.
+        directions: (p, p) one a row, in coordinates; zero for a fixed coordinate.
+        free: indices of the coordinates that are neither fixed nor at a bound, in the order of `root`.
+        root: Cholesky factor of the information on them, priors included.
+        information: (p, p) in coordinates, priors included.
+        prior: (p, p) the share of the priors.
+        units: (p, p) derivatives of the coordinates with respect to the unknowns.
+    """
+
+    directions: Floats
+    free: NDArray[np.int_]
+    root: Floats
+    information: Floats
+    prior: Floats
+    units: Floats
+
+    def information_with(self, curvatures: Floats) -> Floats:
+        """(p, p) information of the logs alone, in units of the unknowns, with other curvatures along the directions.
+
+        1 is that of least squares. Curvatures above 1 count as 1: mostly such a direction is curved, as that of an
+        angle, and straight over only a part of the deviation.
+        """
+        information = self.information.copy()
+        bent = np.clip(curvatures[self.free], 0.0, 1.0)
+        information[np.ix_(self.free, self.free)] = (self.root * bent) @ self.root.T
+        return self.units.T @ _positive_part(information - self.prior) @ self.units
+
+
+@dataclass(frozen=True)
+class PollResult:
+    """The likeliest point of a poll.
+
+    Attributes:
+        at: (p,) its coordinates.
+        deviance: minus twice the log-likelihood there, up to a constant.
+        length: of the move there, the largest component along a direction, in standard deviations.
+        curvatures: (p,) of half the deviance along the directions; 1 is that of least squares, NaN unknown.
+        likelier: whether a polled neighbour is likelier than the point that was polled from.
+    """
+
+    at: Floats
+    deviance: float
+    length: float
+    curvatures: Floats
+    likelier: bool
+
+
+@dataclass(frozen=True)
+class LikelihoodMaximum:
+    """A local maximum of the likelihood for given noise.
+
+    Attributes:
+        at: (p,) coordinates.
+        deviance: minus twice the log-likelihood, up to a constant.
+        fall: of the deviance on the way there.
+        information: (p, p) of the logs alone, in units of the unknowns (`WhitenedFrame.information_with`).
+        converged: whether no neighbour is likelier.
     """
 
     at: Floats
     deviance: float
     fall: float
-    expected_fall: float
-    slopes: Floats
-    curvatures: Floats
-    directions: Floats
     information: Floats
+    converged: bool
 
 
 class Likelihood:
@@ -479,129 +521,118 @@ class Likelihood:
         logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
         return logs + np.array([coordinates.prior_deviance(point) for point in points])
 
-    def step(
-        self,
-        at: Floats,
-        noise: NoiseCovariances,
-        coordinates: SearchCoordinates,
-        before: NewtonStep | None = None,
-        fixed: int | None = None,
-    ) -> NewtonStep | None:
-        """One Newton step towards the maximum of the likelihood; ``None`` if filters diverge at its start.
+    def frame(
+        self, at: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates, fixed: int | None = None
+    ) -> WhitenedFrame | None:
+        """The whitened directions at (p,) coordinates, of which the one with the index `fixed` is kept.
 
-        1. Least squares with the gains at this point give a gradient and an information matrix; its Cholesky factor
-           gives directions of one standard deviation each.
-        2. Differences of the likelihood along these correct slope and curvature, except in directions in which the
-           corrections of the step `before` were negligible.
-        3. The step is halved while it does not lower the deviance. If no length does, the step of least squares is
-           used instead.
-
-        It starts at (p,) coordinates, of which the one with the index `fixed` is kept.
+        A coordinate at a bound has a direction of its own. ``None`` if filters diverge, or derivatives grow without
+        limit, as they may when a rope slackens.
         """
         values, jacobian = coordinates.values(at), coordinates.jacobian(at)
         filtered = self.filtered(values, noise)
         normal = self.normal(values, noise, filtered)
         if not all_completed(filtered) or not np.isfinite(normal).all():
             return None
-        rows = coordinates.prior_rows
+        rows, (lower, upper) = coordinates.prior_rows, coordinates.bounds
         prior = rows.T @ rows + np.diag(1.0 - coordinates.known)
-        gradient = jacobian.T @ normal[:-1, -1] + rows.T @ coordinates.prior_residuals(at)
-        known = jacobian.T @ normal[:-1, :-1] @ jacobian + prior
-        lower, upper = coordinates.bounds
-        free = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != fixed))
-        block = np.ix_(free, free)
+        information = jacobian.T @ normal[:-1, :-1] @ jacobian + prior
+        open_ended = np.arange(len(at)) != fixed
+        free = np.flatnonzero((at > lower) & (at < upper) & open_ended)
         try:
-            root = np.linalg.cholesky(known[block])
-        except np.linalg.LinAlgError:  # derivatives that grew without limit, as when a rope slackens
+            root = np.linalg.cholesky(information[np.ix_(free, free)])
+        except np.linalg.LinAlgError:
             return None
-        directions = np.zeros_like(known)
-        directions[block] = np.linalg.inv(root)
-        least, most = self._options.min_difference, self._options.difference
-        reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
-        here = deviance_of(filtered) + coordinates.prior_deviance(at)
-        plain = directions @ gradient
-        deviances = partial(self.deviances, noise=noise, coordinates=coordinates)
-        slopes, curvatures = self._differences(at, here, directions, reach, plain, before, deviances)
-        # a kink of the likelihood, as when a rope slackens, makes differences useless: then least squares alone
-        move, there, expected = np.zeros_like(at), here, 0.0
-        for more, bent in ((slopes, curvatures), (np.zeros_like(slopes), np.ones_like(curvatures))):
-            way = np.where(reach > least, -(plain + more) / bent, 0.0) @ directions
-            way *= min(coordinates.room(at, way), 1.0)
-            hoped = float(np.where(reach > least, (plain + more) ** 2 / bent, 0.0).sum())
-            move, there = self._shortened(at, here, way, hoped, deviances)
-            if more is slopes or there < here:
-                expected = hoped
-            if there < here or expected < self._options.retried_fall:
-                break
-        back = np.linalg.inv(jacobian)
-        known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
-        information = back.T @ _positive_part(known - prior) @ back
-        at = np.clip(at + move, *coordinates.bounds)
-        return NewtonStep(at, there, here - there, expected, slopes, curvatures, directions, information)
+        directions = np.diag(open_ended / np.sqrt(np.diag(information)))
+        directions[np.ix_(free, free)] = np.linalg.inv(root)
+        units = np.asarray(np.linalg.inv(jacobian), np.float64)
+        return WhitenedFrame(directions, free, np.asarray(root, np.float64), information, prior, units)
 
-    def beyond_jumps(self, step: NewtonStep, noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats | None:
-        """Likelier (p,) coordinates some deviations away from where steps ended; ``None`` if there are none.
-
-        Where a drum without friction turns back, or a rope slackens, the likelihood jumps. Between two jumps lies an
-        optimum of its own, at which steps end. Curvatures much above that of least squares reveal such a direction;
-        along it, the likelihood is evaluated a few deviations away.
-        """
-        jumping = step.directions[step.curvatures > self._options.jump_curvature]
-        distances = [sign * by for by in range(1, self._options.jump_reach + 1) for sign in (1, -1)]
-        points = [step.at + by * way for way in jumping for by in distances if coordinates.room(step.at, by * way) >= 1]
-        if not points:
-            return None
-        deviances = self.deviances(points, noise, coordinates)
-        best = int(np.argmin(deviances))
-        return points[best] if deviances[best] < step.deviance - self._options.tolerance else None
-
-    def _shortened(
-        self, at: Floats, here: float, move: Floats, expected: float, deviances: Callable[[Sequence[Floats]], Floats]
-    ) -> tuple[Floats, float]:
-        """A move, halved until the deviance falls, or none; and the deviance after it.
-
-        It is not checked if the expected fall is negligible.
-        """
-        options = self._options
-        if expected < options.unchecked_fall:
-            return move, here - expected
-        for _ in range(options.max_retried_halvings if expected > options.retried_fall else options.max_halvings):
-            there = float(deviances([at + move])[0])
-            if there <= here:
-                return move, there
-            move = move / 2
-        return np.zeros_like(at), here
-
-    def _differences(
+    def poll(
         self,
+        frame: WhitenedFrame,
         at: Floats,
         here: float,
-        directions: Floats,
-        reach: Floats,
-        plain: Floats,
-        before: NewtonStep | None,
-        deviances: Callable[[Sequence[Floats]], Floats],
-    ) -> tuple[Floats, Floats]:
-        """Along each direction the slope in excess of that of least squares, and the curvature."""
-        negligible = self._options.negligible_correction
-        last_slopes, last_curvatures = np.zeros(len(at)), np.ones(len(at))
-        wanted = (reach > self._options.min_difference) & directions.any(axis=1)
-        if before is not None:
-            last_slopes, last_curvatures = before.slopes, before.curvatures
-            wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
-        ahead, behind, ways = np.full(len(at), np.nan), np.full(len(at), np.nan), reach[:, np.newaxis] * directions
-        ahead[wanted] = deviances([*(at + ways[wanted])])
-        ahead[np.isinf(ahead)] = np.nan
-        slopes = (ahead - here) / (2 * reach) - reach / 2 - plain
-        wanted &= ~(np.abs(slopes) < negligible)
-        behind[wanted] = deviances([*(at - ways[wanted])])
-        behind[np.isinf(behind)] = np.nan
-        central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
-        slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
-        slopes = np.where(np.isfinite(central), central - plain, slopes)
-        least = self._options.min_curvature
-        curvatures = np.where(np.isfinite(central), np.maximum(curvatures, least), last_curvatures)
-        return slopes, curvatures
+        size: float,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+    ) -> PollResult:
+        """The likeliest of the neighbours of a point and of the end of a Newton step from it.
+
+        1. The deviance at `size` standard deviations ahead and behind along each direction of a frame gives its slope
+           and curvature there; `here` is the deviance at the (p,) coordinates themselves.
+        2. The Newton step goes to the vertex of each parabola, at most twice the size away, and to the likelier
+           neighbour where there is no vertex.
+        """
+        directions, bounds = frame.directions, coordinates.bounds
+        steps = [np.clip(at + way * size * each, *bounds) for way in (1, -1) for each in directions]
+        ahead, behind = self.deviances(steps, noise, coordinates).reshape(2, -1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            curvatures = (ahead + behind - 2 * here) / (2 * size**2)
+            vertices = (behind - ahead) / (4 * size * curvatures)
+        lower = np.where(np.minimum(ahead, behind) < here, np.where(ahead < behind, size, -size), 0.0)
+        inside = np.array([min(coordinates.room(at, way), coordinates.room(at, -way)) >= size for way in directions])
+        curved = inside & np.isfinite(curvatures) & (curvatures > 0)
+        lengths = np.where(curved, np.clip(vertices, -2 * size, 2 * size), lower)
+        points = [np.clip(at + lengths @ directions, *bounds), *steps, at]
+        deviances = [*self.deviances(points[:1], noise, coordinates), *ahead, *behind, here]
+        best = int(np.argmin(deviances))
+        length = float(np.abs(lengths).max(initial=0.0)) if best == 0 else size
+        return PollResult(
+            at=points[best],
+            deviance=float(deviances[best]),
+            length=length,
+            curvatures=np.where(inside & np.isfinite(curvatures), curvatures, np.nan),
+            likelier=bool(min(deviances[1:]) < here - self._rounding(here)),
+        )
+
+    def maximum(
+        self,
+        at: Floats,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+        fixed: int | None = None,
+        size: float | None = None,
+        progress: progresses.Progress = progresses.no_progress,
+    ) -> LikelihoodMaximum | None:
+        """The local maximum of the likelihood near (p,) coordinates, for given noise; ``None`` if filters diverge.
+
+        Generating set search with Newton steps (Kolda, Lewis and Torczon, SIAM Review 45 (2003) 385). Where a drum
+        turns back or a rope slackens, the likelihood has kinks and jumps, at which slopes lead nowhere; a poll goes on
+        from there to whatever neighbour is likelier.
+
+        1. Poll the neighbours (`poll`), first `size` standard deviations away (default: `SearchOptions.reach`) and then
+           one, which gives the curvatures.
+        2. Move to the likeliest point. The next poll is as wide as the move was long, or its square where that is
+           shorter, as the error of a Newton step is, and half as wide where there was no move.
+        3. End where no neighbour at a distance of `SearchOptions.accuracy` is likelier.
+        """
+        options, frame = self._options, self.frame(at, noise, coordinates, fixed)
+        if frame is None:
+            return None
+        start = here = float(self.deviances([at], noise, coordinates)[0])
+        curvatures, size, moved, converged = np.ones(len(at)), size or options.reach, 0.0, False
+        for number in range(options.max_polls):
+            progress(number / (number + 2))
+            result = self.poll(frame, at, here, size, noise, coordinates)
+            if size == 1:
+                curvatures = np.where(np.isnan(result.curvatures), curvatures, result.curvatures)
+            if converged := size == options.accuracy and not result.likelier and moved <= 1:
+                break
+            fell = here - result.deviance > self._rounding(here)
+            at, here, moved = result.at, result.deviance, moved + fell * result.length
+            if moved > 1:
+                size, moved, frame = 1.0, 0.0, self.frame(at, noise, coordinates, fixed) or frame
+            elif number == 0 and size > 1:
+                size = 1.0
+            else:
+                size = max(result.length * min(result.length, 1.0) if fell else size / 2, options.accuracy)
+        return LikelihoodMaximum(at, here, start - here, frame.information_with(curvatures), converged)
+
+    def _rounding(self, deviance: float) -> float:
+        """Rounding error of a deviance at most, as a sum over all samples."""
+        samples = sum(len(section.readings) for section in self._filters.sections)
+        return samples * float(np.finfo(float).eps) * abs(deviance)
 
 
 def _positive_part(information: Floats) -> Floats:

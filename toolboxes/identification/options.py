@@ -266,36 +266,20 @@ class SearchOptions:
     newton_distance: Annotated[
         quantities.Positive, Quantity("1", "largest move, in deviations, before Newton steps")
     ] = 0.5
-    max_steps: Annotated[Count, Quantity("1", "largest number of Newton steps")] = 12
-    min_process_noise_steps: Annotated[
-        int, Ge(0), Quantity("1", "least number of first Newton steps before which Q is estimated")
-    ] = 2
+    max_steps: Annotated[Count, Quantity("1", "largest number of turns of noise and values")] = 12
+    min_process_noise_steps: Annotated[int, Ge(0), Quantity("1", "least number of these turns")] = 2
     process_noise_tolerance: Annotated[
         quantities.Positive,
-        Quantity("1", "fall of the deviance by another Q and R after which Q is not estimated again"),
+        Quantity("1", "fall of the deviance in a turn after which there is no other"),
     ] = 1.0
-    tolerance: Annotated[quantities.Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
-    difference: Annotated[
-        quantities.Positive, Quantity("1", "step of differences of the likelihood, in deviations")
-    ] = 1.0
-    min_difference: Annotated[
-        quantities.Positive, Quantity("1", "least room between bounds along a usable direction")
-    ] = 0.01
-    min_curvature: Annotated[quantities.Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
-    negligible_correction: Annotated[
-        quantities.Positive, Quantity("1", "negligible correction of slope or curvature")
-    ] = 0.1
-    jump_curvature: Annotated[
+    reach: Annotated[
+        quantities.Positive, Quantity("1", "distance of the first neighbours of a maximum, in deviations")
+    ] = 3.0
+    accuracy: Annotated[
         quantities.Positive,
-        Quantity("1", "curvature, over that of least squares, above which the likelihood jumps along a direction"),
-    ] = 2.0
-    jump_reach: Annotated[int, Ge(0), Quantity("1", "distance at which lower deviances are looked for along it")] = 4
-    unchecked_fall: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.02
-    retried_fall: Annotated[
-        quantities.Positive, Quantity("1", "expected fall of the deviance from which a step is retried")
-    ] = 4.0
-    max_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
-    max_retried_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a larger expected fall")] = 8
+        Quantity("1", "distance, in deviations, at which no neighbour of a maximum is likelier"),
+    ] = 0.1
+    max_polls: Annotated[Count, Quantity("1", "largest number of polls of the neighbours of a maximum")] = 60
 
 
 @dataclass(frozen=True)
@@ -356,10 +340,6 @@ class DiagnosticsOptions:
     optima_distance: Annotated[quantities.Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[quantities.Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "points of a profile likelihood on each side")] = 4
-    max_profile_steps: Annotated[Count, Quantity("1", "largest number of Newton steps at each point")] = 8
-    profile_tolerance: Annotated[quantities.Positive, Quantity("1", "fall of the deviance that ends these steps")] = (
-        0.02
-    )
     force_spacing: Annotated[quantities.Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
     force_difference: Annotated[
         quantities.Positive, Quantity("m/s", "change of the current for the force's derivative")
