@@ -226,7 +226,7 @@ class PredictionErrorMethod:
         Raises:
             DivergedFilterError: the filter diverges.
         """
-        maximum, noise = self._maximum(start, noise, estimated=True, progress=progress)
+        maximum, noise = self._maximum(start, noise, estimated=True, progress=progress, size=1.0)
         if maximum is None:
             raise self._diverged()
         values = unwrapped(self.coordinates().values(maximum.at), self.unknowns)
@@ -291,15 +291,24 @@ class PredictionErrorMethod:
         return values, noise
 
     def _maximum(
-        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: progresses.Progress
+        self,
+        values: Floats,
+        noise: NoiseCovariances,
+        estimated: bool,
+        progress: progresses.Progress,
+        size: float | None = None,
     ) -> tuple[LikelihoodMaximum | None, NoiseCovariances]:
-        """The maximum of the likelihood near values, ``None`` if filters diverge, and the noise with it."""
+        """The maximum of the likelihood near values, ``None`` if filters diverge, and the noise with it.
+
+        `size` as in `Likelihood.maximum`.
+        """
         search, coordinates, maximum = self._search, self.coordinates(), None
         at = coordinates.of(values)
         for _ in range(search.max_steps):
             if estimated:
                 at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, 0.5, 0.8))
-            maximum = self.likelihood.maximum(at, noise, coordinates, progress=progresses.part(progress, 0.8, 1.0))
+            rest = progresses.part(progress, 0.8, 1.0)
+            maximum = self.likelihood.maximum(at, noise, coordinates, size=size, progress=rest)
             if not estimated or maximum is None or maximum.fall < search.process_noise_tolerance:
                 break
             at = maximum.at
@@ -325,7 +334,7 @@ class PredictionErrorMethod:
             frame = self.likelihood.frame(at, noise, coordinates)
             if frame is None:
                 break
-            here = float(self.likelihood.deviances([at], noise, coordinates)[0])
+            here = float(self.likelihood.objective([at], noise, coordinates)[0])
             result = self.likelihood.poll(frame, at, here, 1.0, noise, coordinates)
             at, fall, before = result.at, before - result.deviance, result.deviance
             if number + 1 >= search.min_process_noise_steps and fall < search.process_noise_tolerance:

@@ -389,7 +389,7 @@ class PollResult:
 
     Attributes:
         at: (p,) its coordinates.
-        deviance: minus twice the log-likelihood there, up to a constant.
+        deviance: the `Likelihood.objective` there.
         length: of the move there, the largest component along a direction, in standard deviations.
         curvatures: (p,) of half the deviance along the directions; 1 is that of least squares, NaN unknown.
         likelier: whether a polled neighbour is likelier than the point that was polled from.
@@ -521,6 +521,15 @@ class Likelihood:
         logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
         return logs + np.array([coordinates.prior_deviance(point) for point in points])
 
+    def objective(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
+        """The deviances of `deviances` with a prior for every unknown: without one, its scale is the deviation.
+
+        Thereby unknowns that the logs do not determine stay near their starts, as in `solve_with_gains`.
+        """
+        free = 1.0 - coordinates.known
+        shifts = [np.clip(point, *coordinates.bounds) - coordinates.start for point in points]
+        return self.deviances(points, noise, coordinates) + np.array([free @ shift**2 for shift in shifts])
+
     def frame(
         self, at: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates, fixed: int | None = None
     ) -> WhitenedFrame | None:
@@ -560,13 +569,13 @@ class Likelihood:
         """The likeliest of the neighbours of a point and of the end of a Newton step from it.
 
         1. The deviance at `size` standard deviations ahead and behind along each direction of a frame gives its slope
-           and curvature there; `here` is the deviance at the (p,) coordinates themselves.
+           and curvature there; `here` is the `objective` at the (p,) coordinates themselves.
         2. The Newton step goes to the vertex of each parabola, at most twice the size away, and to the likelier
            neighbour where there is no vertex.
         """
         directions, bounds = frame.directions, coordinates.bounds
         steps = [np.clip(at + way * size * each, *bounds) for way in (1, -1) for each in directions]
-        ahead, behind = self.deviances(steps, noise, coordinates).reshape(2, -1)
+        ahead, behind = self.objective(steps, noise, coordinates).reshape(2, -1)
         with np.errstate(invalid="ignore", divide="ignore"):
             curvatures = (ahead + behind - 2 * here) / (2 * size**2)
             vertices = (behind - ahead) / (4 * size * curvatures)
@@ -575,7 +584,7 @@ class Likelihood:
         curved = inside & np.isfinite(curvatures) & (curvatures > 0)
         lengths = np.where(curved, np.clip(vertices, -2 * size, 2 * size), lower)
         points = [np.clip(at + lengths @ directions, *bounds), *steps, at]
-        deviances = [*self.deviances(points[:1], noise, coordinates), *ahead, *behind, here]
+        deviances = [*self.objective(points[:1], noise, coordinates), *ahead, *behind, here]
         best = int(np.argmin(deviances))
         length = float(np.abs(lengths).max(initial=0.0)) if best == 0 else size
         return PollResult(
@@ -610,7 +619,7 @@ class Likelihood:
         options, frame = self._options, self.frame(at, noise, coordinates, fixed)
         if frame is None:
             return None
-        start = here = float(self.deviances([at], noise, coordinates)[0])
+        start = here = float(self.objective([at], noise, coordinates)[0])
         curvatures, size, moved, converged = np.ones(len(at)), size or options.reach, 0.0, False
         for number in range(options.max_polls):
             progress(number / (number + 2))
@@ -627,7 +636,8 @@ class Likelihood:
                 size = 1.0
             else:
                 size = max(result.length * min(result.length, 1.0) if fell else size / 2, options.accuracy)
-        return LikelihoodMaximum(at, here, start - here, frame.information_with(curvatures), converged)
+        (deviance,) = self.deviances([at], noise, coordinates).tolist()
+        return LikelihoodMaximum(at, deviance, start - here, frame.information_with(curvatures), converged)
 
     def _rounding(self, deviance: float) -> float:
         """Rounding error of a deviance at most, as a sum over all samples."""

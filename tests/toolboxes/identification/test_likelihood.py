@@ -78,7 +78,7 @@ def test_information_is_no_more_than_curvature(fitting: PredictionErrorMethod, l
     at, noise = begin(friction_coefficient=3.0), fitting.initial_noise()
     frame = likelihood.frame(at, noise, COORDINATES)
     assert frame is not None
-    here = float(likelihood.deviances([at], noise, COORDINATES)[0])
+    here = float(likelihood.objective([at], noise, COORDINATES)[0])
     information = frame.information_with(likelihood.poll(frame, at, here, 1.0, noise, COORDINATES).curvatures)
     values = COORDINATES.values(at)
     filtered = fitting.filters.run(fitting.with_values(values), noise)
