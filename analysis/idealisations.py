@@ -98,7 +98,7 @@ class IdealisationCheck:
     facts: Mapping[str, Scalar] = field(default_factory=dict)
     at_least: bool = True
 
-    def found(self) -> Iterator[Idealisation]:
+    def idealisation(self) -> Iterator[Idealisation]:
         """Yield the idealisation if the number is beyond its limit."""
         value, limit = float(self.value), float(self.limit)
         if value < limit if self.at_least else value > limit:
@@ -191,7 +191,7 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     instance("experiment", experiment, Experiment)
     limits, plant = limits or IdealisationLimits(), experiment.plant
     checks = idealisation_checks(plant, experiment.controller.limits.tension_min, limits)
-    every = [one for check in checks for one in check.found()]
+    every = [one for check in checks for one in check.idealisation()]
     every += [one for side in plant.sides for one in _rope_mass(side, experiment, limits)]
     by_name: dict[str, Idealisation] = {}
     for one in every:
@@ -201,14 +201,14 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     return [replace(one, statement=f"{_subject(one.parts)} {one.statement}") for one in by_name.values()]
 
 
-def summary(found: Sequence[Idealisation]) -> str:
+def summary(simplifications: Sequence[Idealisation]) -> str:
     """All idealisations in one line, each key's lack once; empty where there are none."""
     named, briefs = set[str](), list[str]()
-    for one in found:
+    for one in simplifications:
         if not named.issuperset(one.keys):
             briefs.append(f"{_subject(one.parts)} {one.brief}")
             named.update(one.keys)
-    return f"idealised: {', '.join(briefs)}; see docs/site.md" if found else ""
+    return f"idealised: {', '.join(briefs)}; see docs/site.md" if simplifications else ""
 
 
 def _subject(parts: Sequence[str]) -> str:

@@ -103,7 +103,7 @@ class FrequencyGrid(NamedTuple):
     exact: bool
 
 
-FINE = FrequencyGrid(4000, np.linspace(-5, 5, 41), exact=True)
+FINE = FrequencyGrid(1000, np.linspace(-5, 5, 41), exact=True)
 """For one loop."""
 
 COARSE = FrequencyGrid(160, np.array([-5.0, -2.5, -1.2, -0.5, 0.0, 0.5, 1.2, 2.5, 5.0]), exact=False)
@@ -301,19 +301,9 @@ class ComplementarySensitivity:
             delay_factor = delay_factor / z[:, None]
         return elements
 
-    @cached_property
-    def _known_forms(self) -> dict[int, "_SchurForm"]:
-        return {}
-
-    def _form(self, loop: int) -> "_SchurForm":
-        """The Schur form of a loop, which is computed once."""
-        if loop not in self._known_forms:
-            self._known_forms[loop] = _SchurForm.of(self.A[loop], self.B[loop], self.C[loop])
-        return self._known_forms[loop]
-
     def _exact_elements(self, omega: Floats) -> Complex:
-        z = np.exp(1j * self.dt * omega)
-        values = np.array([self._form(loop).response(each)[0] for loop, each in enumerate(z)]) + self.D[:, None]
+        pencils = np.exp(1j * self.dt * omega)[..., None, None] * np.eye(self.A.shape[1]) - self.A[:, None]
+        values = self.C[:, None] @ _solved(pencils, self.B[:, None].astype(complex)) + self.D[:, None]
         return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1)
 
     def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
@@ -334,30 +324,14 @@ class ComplementarySensitivity:
         return self._locus(values, slopes, locus, near)
 
     def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
-        """The same, from the matrices: by Schur forms after `loci` has computed them, else by solving at each place.
-
-        For a few frequencies of each of many loops, their Schur forms would take longer.
-        """
+        """The same, from the matrices."""
         z = np.exp(1j * self.dt * omega)
-        values, rates = (self._from_forms if self._known_forms else self._from_pencils)(z, loop)
-        values, slopes = values + self.D[loop], 1j * self.dt * z[:, None, None] * rates
-        elements, slopes = (matrix[:, self.rows, self.columns] for matrix in (values, slopes))
-        return self._locus(elements, slopes, locus, near)
-
-    def _from_forms(self, z: Complex, loop: Indices) -> tuple[Complex, Complex]:
-        """C (z - A)^-1 B and its derivative with respect to z, (a, m, m) each, at points z (a,) of loops (a,)."""
-        values, rates = np.empty((2, len(z), *self.D.shape[1:]), complex)
-        for each in np.unique(loop):
-            here = loop == each
-            values[here], rates[here] = self._form(int(each)).response(z[here], slopes=True)
-        return values, rates
-
-    def _from_pencils(self, z: Complex, loop: Indices) -> tuple[Complex, Complex]:
-        """The same as `_from_forms`."""
         pencils = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
         states = _solved(pencils, self.B[loop].astype(complex))
-        values, rates = self.C[loop] @ states, -self.C[loop] @ _solved(pencils, states)
-        return np.asarray(values, complex), np.asarray(rates, complex)
+        values = self.C[loop] @ states + self.D[loop]
+        slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ _solved(pencils, states))
+        elements, slopes = (np.asarray(matrix[:, self.rows, self.columns], complex) for matrix in (values, slopes))
+        return self._locus(elements, slopes, locus, near)
 
     def _locus(self, values: Complex, slopes: Complex, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """Loci and their slopes (a,) from the elements of T and their slopes (a, elements)."""
@@ -382,44 +356,6 @@ def _solved(pencils: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.solve(pencils, right)
     except np.linalg.LinAlgError:
         return np.linalg.solve(pencils + np.finfo(float).eps * np.eye(pencils.shape[-1]), right)
-
-
-@dataclass(frozen=True, eq=False)
-class _SchurForm:
-    """A = Z T Z* with T upper triangular: responses at many frequencies by back-substitution (Laub, IEEE TAC 26, 1981).
-
-    T is (n, n), B is Z* B (n, m), C is C Z (m, n).
-    """
-
-    T: Complex
-    B: Complex
-    C: Complex
-
-    @classmethod
-    def of(cls, A: Floats, B: Floats, C: Floats) -> "_SchurForm":
-        """The form of a system's matrices."""
-        from scipy.linalg import schur
-
-        T, Z = schur(A, output="complex")[:2]
-        return cls(T, Z.conj().T @ B, C @ Z)
-
-    def response(self, z: Complex, *, slopes: bool = False) -> tuple[Complex, Complex]:
-        """C (z - A)^-1 B and, with `slopes`, its derivative with respect to z, (k, m, m) each, at points z (k,)."""
-        states = self._solved(z, np.broadcast_to(self.B[:, None], (len(self.B), len(z), self.B.shape[1])))
-        value = np.tensordot(self.C, states, 1).swapaxes(0, 1)
-        if not slopes:
-            return value, np.zeros_like(value)
-        return value, -np.tensordot(self.C, self._solved(z, states), 1).swapaxes(0, 1)
-
-    def _solved(self, z: Complex, right: Complex) -> Complex:
-        """(z - T)^-1 applied to right sides (n, k, m); very large at a pole."""
-        pivots = z - np.diag(self.T)[:, None]
-        pivots[pivots == 0] = np.finfo(float).eps
-        solution = np.empty((len(right), right[0].size if len(right) else 0), complex)
-        for row in reversed(range(len(right))):
-            substituted = (self.T[row, row + 1 :] @ solution[row + 1 :]).reshape(right.shape[1:])
-            solution[row] = ((right[row] + substituted) / pivots[row][:, None]).ravel()
-        return solution.reshape(right.shape)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
@@ -485,14 +421,14 @@ class _Places:
     frequency: Floats
     value: Floats
 
-    def near(self, omega: Floats, chosen: Indices) -> Complex:
+    def near(self, omega: Floats, places: Indices) -> Complex:
         """Approximate loci of some places at frequencies within their brackets, by linear interpolation."""
-        lower, width = self.lower[chosen], self.upper[chosen] - self.lower[chosen]
+        lower, width = self.lower[places], self.upper[places] - self.lower[places]
         share = (omega - lower) / np.where(width > 0, width, 1.0)
-        return self.before[chosen] * (1 - share) + self.after[chosen] * share
+        return self.before[places] * (1 - share) + self.after[places] * share
 
-    def __getitem__(self, chosen: Flags) -> "_Places":
-        return _Places(*(column[chosen] for column in vars(self).values()))
+    def __getitem__(self, places: Flags) -> "_Places":
+        return _Places(*(column[places] for column in vars(self).values()))
 
 
 def least_margins(
@@ -537,13 +473,13 @@ def least_margins(
     return margins_by_group
 
 
-def _note_least(found: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, group: Indices) -> None:
+def _note_least(margins_by_group: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, group: Indices) -> None:
     """Note the smallest margin of each group with any places."""
     order = np.lexsort((comparable(places.value), group[places.loop]))
     numbers, positions = np.unique(group[places.loop][order], return_index=True)
     for number, index in zip(numbers.tolist(), order[positions].tolist(), strict=True):
         at = int(places.loop[index]), LOCI[int(places.locus[index])], float(places.frequency[index])
-        found[number][kind] = LeastMargin(float(places.value[index]), *at)
+        margins_by_group[number][kind] = LeastMargin(float(places.value[index]), *at)
 
 
 def comparable(values: ArrayLike) -> Floats:
@@ -644,14 +580,14 @@ Evaluate = Callable[[Floats, Indices, Indices, Complex], tuple[Complex, Complex]
 def _refined(kind: str, evaluate: Evaluate, places: _Places, tolerance: float) -> _Places:
     """The places with refined frequencies and margins."""
 
-    def wanted(omega: Floats, chosen: Indices) -> Floats:
-        near = places.near(omega, chosen)
-        value, slope = evaluate(omega, places.loop[chosen], places.locus[chosen], near)
+    def condition(omega: Floats, indices: Indices) -> Floats:
+        near = places.near(omega, indices)
+        value, slope = evaluate(omega, places.loop[indices], places.locus[indices], near)
         if kind == "disk":
             return ((value - 0.5).conj() * slope).real
         return value.imag if kind in {"gain", "fall"} else value.real - 0.5
 
-    omega = _root(wanted, places, tolerance)
+    omega = _root(condition, places, tolerance)
     near = places.near(omega, np.arange(len(omega)))
     value = _margin(kind, evaluate(omega, places.loop, places.locus, near)[0], omega)
     return replace(places, frequency=omega, value=value)
@@ -701,6 +637,6 @@ def _interpolated(a: Floats, b: Floats, c: Floats, at_a: Floats, at_b: Floats, a
     return np.where(quadratic, inverse, 0.5)
 
 
-def _taken(chosen: Flags | Indices, *columns: Floats) -> tuple[Floats, ...]:
+def _taken(rows: Flags | Indices, *columns: Floats) -> tuple[Floats, ...]:
     """Some rows of each of several columns."""
-    return tuple(column[chosen] for column in columns)
+    return tuple(column[rows] for column in columns)

@@ -315,9 +315,9 @@ class Preloads:
 
     @cached_property
     def figures(self) -> Figures:
-        """A row for every preload, the saving of the schedule, and what the coordinations are."""
+        """A column for every preload, the saving of the schedule, and what the coordinations are."""
         record, merits = self.to_record(), self.scheduled.metrics.quantities
-        columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
+        columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "preload")]
         columns += [merits[name].column(name) for name in PRINTED]
         rows = []
         for name in (*self.runs, "optimum"):
@@ -326,7 +326,7 @@ class Preloads:
             ending = "" if outcome == "completed" else f" ({outcome})"
             extremes = "–".join(dict.fromkeys(f"{end:.0f}" for end in run["preload_extremes"]))
             rows.append([name + ending, extremes, *(run["metrics"].get(metric, np.nan) for metric in PRINTED)])
-        figures: list[FigureTable | Sentence] = [FigureTable("preloads", columns, rows)]
+        figures: list[FigureTable | Sentence] = [FigureTable("preloads", columns, rows, layout="columns")]
         if self.configured is not None:
             figures.append(Sentence(self._coordinations))
         if self.best is None:

@@ -166,7 +166,7 @@ def without_effect(experiment: Experiment, own: Collection[str]) -> list[str]:
 
 def swapped(words: str) -> str:
     """Keys with the numbers of the other winch or rope."""
-    return NUMBER.sub(lambda found: f"{found[1]}_{3 - int(found[2])}", words)
+    return NUMBER.sub(lambda match: f"{match[1]}_{3 - int(match[2])}", words)
 
 
 def starred(words: str) -> str:

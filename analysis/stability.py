@@ -453,13 +453,13 @@ def _shortfall(certificate: Certificate) -> str:
     return "; ".join(lacking) or "every condition holds"
 
 
-def _reason(given: Certificate, tried: Certificate) -> str:
-    experiment, columns = given.result.experiment, given.result.columns
-    if given.certified:
+def _reason(start: Certificate, raised: Certificate) -> str:
+    experiment, columns = start.result.experiment, start.result.columns
+    if start.certified:
         return "the given gains satisfy every condition in this run"
-    if tried.certified and not np.any(tried.result["Z_a"]):
+    if raised.certified and not np.any(raised.result["Z_a"]):
         return "the force never saturates in this run, so Z_a stays 0 and the weights of Z_a may be anything"
-    if tried.certified:
+    if raised.certified:
         return "the raised gains satisfy every condition in their own run"
     clipped = np.abs(columns["u"] - columns["u_sat"])
     excess = float(clipped[np.argmax(clipped > 0)])

@@ -211,15 +211,15 @@ def _lengths(sample: "_OpenSample", parameters: Floats) -> Floats:
     return parameters[:, sample.loop.parameters.index("plant.track.length")]
 
 
-def _shifted(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOperatingPoints) -> LoopOperatingPoints:
-    """Initial guesses at other positions: the controller states found, with positions shifted by the distance."""
+def _shifted(sample: "_OpenSample", solution: LoopOperatingPoints, start: LoopOperatingPoints) -> LoopOperatingPoints:
+    """Initial guesses at other positions: the controller states of a solution, positions shifted by the distance."""
     x = sample.loop.states.index(f"{PLANT}x")
-    way = start.state[:, [x]] - found.state[:, [x]]
-    state = np.where(sample.controller, found.state + way * sample.loop.marked(Mark.POSITION), start.state)
+    way = start.state[:, [x]] - solution.state[:, [x]]
+    state = np.where(sample.controller, solution.state + way * sample.loop.marked(Mark.POSITION), start.state)
     outside = start.outside.copy()
-    outside[:, sample.reference] = found.outside[:, sample.reference] + way[:, 0]
+    outside[:, sample.reference] = solution.outside[:, sample.reference] + way[:, 0]
     state = _informed(sample, state, start.parameters)
-    return replace(start, state=state, outside=outside, leaving=found.leaving.copy())
+    return replace(start, state=state, outside=outside, leaving=solution.leaving.copy())
 
 
 def _completed_by_least_squares(
@@ -235,24 +235,24 @@ def _completed_by_least_squares(
     return solution
 
 
-def force_stays(structure: LoopStructure, found: LoopOperatingPoints) -> bool:
+def force_stays(structure: LoopStructure, points: LoopOperatingPoints) -> bool:
     """Whether the force command of the first point stays constant in a simulation.
 
     It does not if a state that moves with the vehicle lacks `Mark.POSITION`.
     """
     loop, state, outside, parameters = (
         closed_loop(structure),
-        found.state[0],
-        found.outside[0].copy(),
-        found.parameters[0],
+        points.state[0],
+        points.outside[0].copy(),
+        points.parameters[0],
     )
-    reference, u, force = loop.exogenous.index("reference.x"), loop.columns.index("u"), found.facts[0, 0]
+    reference, u, force = loop.exogenous.index("reference.x"), loop.columns.index("u"), points.facts[0, 0]
     for _ in range(LASTING):
         command = float(loop.observe(state, outside, parameters)[u])
         if not abs(command - force) <= LASTING_SHARE * abs(force) + LASTING_FORCE:
             return False
         state = _following(loop, state, outside, parameters)
-        outside[reference] += found.carried[0]
+        outside[reference] += points.carried[0]
     return True
 
 
@@ -578,7 +578,7 @@ DAMPINGS = 8
 
 
 def _equations(
-    sample: _OpenSample, found: Floats, values: Floats, at: LoopOperatingPoints
+    sample: _OpenSample, next_values: Floats, values: Floats, at: LoopOperatingPoints
 ) -> tuple[Floats, Floats, Flags, Flags]:
     """Equations for the n kept states and the signals injected at the openings.
 
@@ -589,8 +589,8 @@ def _equations(
     """
     n, strained, moving = len(sample.kept_states), sample.strained, np.append(sample.moving, [False] * 3)
     units = np.where(moving, POSITION_UNIT, 1.0)
-    residual = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
-    residual[:, strained] = found[:, n + 3 :] * ROPE_UNIT
+    residual = (next_values[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
+    residual[:, strained] = next_values[:, n + 3 :] * ROPE_UNIT
     every = at.slopes[:, : n + 3].copy()
     every[:, :n, :n] -= np.eye(n)
     every[:, n:, n + 1 :] -= np.eye(3)

@@ -283,7 +283,7 @@ def _opening(system: LinearSystem) -> str:
 
 
 def loop_bode(
-    systems: Sequence[LinearSystem], found: Sequence[Margins], swept: str | None = None, *, ax: GivenAxes = None
+    systems: Sequence[LinearSystem], loop_margins: Sequence[Margins], swept: str | None = None, *, ax: GivenAxes = None
 ) -> Figure:
     """Gain and phase of a loop opened at one signal or at both torques; of a single one with its margins.
 
@@ -303,7 +303,7 @@ def loop_bode(
             axes.axhline(level, color=GREY, linewidth=0.7)
             axes.set_ylabel(name)
         if len(looks) == 1:
-            _mark_margins(gain, phase, found[0])
+            _mark_margins(gain, phase, loop_margins[0])
         page.name_x(panels, "frequency (Hz)")
         page.legend()
     return page.figure
@@ -315,24 +315,26 @@ def _lag(response: np.ndarray) -> np.ndarray:
     return phase - 360 * math.ceil(phase[0] / 360)
 
 
-def _mark_margins(gain: Axes, phase: Axes, found: Margins) -> None:
+def _mark_margins(gain: Axes, phase: Axes, margins_of_loop: Margins) -> None:
     """Mark gain and phase margin as distances, with dots at their frequencies in the other panel.
 
     An unstable loop has no margins.
     """
-    if not found.stable:
+    if not margins_of_loop.stable:
         gain.set_title("unstable: no margins", color=VERMILION)
         return
-    if math.isfinite(found.gain):
-        at = found.gain_frequency / TURN
-        gain.vlines(at, 1 / found.gain, 1, color=VERMILION, linewidth=2.0)
+    if math.isfinite(margins_of_loop.gain):
+        at = margins_of_loop.gain_frequency / TURN
+        gain.vlines(at, 1 / margins_of_loop.gain, 1, color=VERMILION, linewidth=2.0)
         phase.plot([at], [-180], "o", color=VERMILION, markersize=4)
-    if math.isfinite(found.phase):
-        at = found.phase_frequency / TURN
+    if math.isfinite(margins_of_loop.phase):
+        at = margins_of_loop.phase_frequency / TURN
         gain.plot([at], [1], "o", color=GREEN, markersize=4)
-        phase.vlines(at, -180, -180 + found.phase, color=GREEN, linewidth=2.0)
-    gain.set_title(f"gain margin {found.gain:.3g}, disk margin {found.disk:.3g}", color=VERMILION)
-    phase.set_title(f"phase margin {found.phase:.3g}°, delay margin {1e3 * found.delay:.3g} ms", color=GREEN)
+        phase.vlines(at, -180, -180 + margins_of_loop.phase, color=GREEN, linewidth=2.0)
+    gain.set_title(f"gain margin {margins_of_loop.gain:.3g}, disk margin {margins_of_loop.disk:.3g}", color=VERMILION)
+    phase.set_title(
+        f"phase margin {margins_of_loop.phase:.3g}°, delay margin {1e3 * margins_of_loop.delay:.3g} ms", color=GREEN
+    )
 
 
 def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: GivenAxes = None) -> Figure:

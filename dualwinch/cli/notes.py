@@ -91,7 +91,7 @@ def sizes_of_ensemble(file: Path, name: str, ensemble: Ensemble) -> str:
         for key, value in nominal.items()
         if isinstance(value, float) and value != defaults.get(key)
     }
-    sizes |= {key: "" for key, drawn in ensemble.distributions.items() if not drawn.relative}
+    sizes |= {key: "" for key, distribution in ensemble.distributions.items() if not distribution.relative}
     keys = {key for key in sizes if key.startswith("plant.")} - given_keys(file)
     keys = {key for key in keys if leaf_of(key, ensemble.experiment).quantity.unit not in {"", "1", "rad"}}
     if not keys:
@@ -114,14 +114,14 @@ def other_machine(file: Path, name: str, ensemble: Ensemble) -> str:
     from dualwinch.simulation.experiment import Experiment
 
     machine = load(file)
-    there, here, defaults = (leaves(each) for each in (machine, ensemble.experiment, Experiment()))
+    values, here, defaults = (leaves(each) for each in (machine, ensemble.experiment, Experiment()))
     around = leaves(load_ensemble(name, machine).experiment)
-    keys = sorted(key for key in given_keys(file) if key.startswith("plant.") and there.get(key) != here.get(key))
-    absent = [key for key in keys if around.get(key) == there.get(key)]
-    replaced = [key for key in keys if key not in absent and there.get(key) != defaults.get(key)]
+    keys = sorted(key for key in given_keys(file) if key.startswith("plant.") and values.get(key) != here.get(key))
+    absent = [key for key in keys if around.get(key) == values.get(key)]
+    replaced = [key for key in keys if key not in absent and values.get(key) != defaults.get(key)]
     if not (absent or replaced):
         return ""
-    differences = [f"{key} = {there.get(key)} there, {here.get(key)} here" for key in absent + replaced]
+    differences = [f"{key} = {values.get(key)} there, {here.get(key)} here" for key in absent + replaced]
     about = f"{file}: for another machine ({listed(differences, 2)})"
     if absent:
         return f"{about}; to judge it on its own: --config {file}"

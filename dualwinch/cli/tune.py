@@ -159,11 +159,11 @@ def tune(
         for text in space or []:
             check_words(text)
         use_parts(given.plugin)
-        given = replace(given, plugin=[*(given.plugin or []), *recall_parts(options)])
+        machine = replace(given, plugin=[*(given.plugin or []), *recall_parts(options)])
         problem = tuning_problem(
-            case=given.case,
-            config=given.config,
-            settings=given.assignments,
+            case=machine.case,
+            config=machine.config,
+            settings=machine.assignments,
             ensemble=ensemble,
             space=space or [],
             objectives=objective or [],
@@ -174,11 +174,11 @@ def tune(
             confidence=share_from(confidence, "--confidence", own_default(tuning_options, "confidence")),
         )
         if problem.ensemble and ensemble:
-            note(*of_machine(ensemble, problem.ensemble, given.config, given.case, given.values))
-        following = next_line(options.out / "best.toml", ensemble, given)
-        run_study(problem, options, line, given.plugin, following, given.config)
+            note(*of_machine(ensemble, problem.ensemble, machine.config, machine.case, machine.values))
+        following = next_line(options.out / "best.toml", ensemble, machine)
+        run_study(problem, options, line, machine.plugin, following, machine.config)
         if options.stress:
-            stress_best(options.out, ensemble, seed, given.plugin)
+            stress_best(options.out, ensemble, seed, machine.plugin)
         line.say(f"next: {following}")
 
 

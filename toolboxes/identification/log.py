@@ -12,7 +12,7 @@ from importlib import import_module
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 from zipfile import is_zipfile
 
 import numpy as np
@@ -33,6 +33,7 @@ from dualwinch.toolbox import (
 from dualwinch.toolboxes.identification.predictor import READINGS
 
 Floats = NDArray[np.float64]
+TableColumn: TypeAlias = csv_files.TableColumn
 
 TORQUES = ("tau_1", "tau_2")
 """Torque commands, the inputs of the prediction."""
@@ -109,8 +110,8 @@ class Log:
 
     def split(self, share: float) -> tuple["Log", "Log"]:
         """The log in two parts, the second with a share of its duration at the end."""
-        early = self.t < self.t[0] + (1 - share) * (self.t[-1] - self.t[0])
-        return self.rows(early), self.rows(~early)
+        before = self.t < self.t[0] + (1 - share) * (self.t[-1] - self.t[0])
+        return self.rows(before), self.rows(~before)
 
     def rows(self, which: NDArray[np.bool_] | slice) -> "Log":
         """The log with the selected rows only."""
@@ -129,11 +130,13 @@ class Log:
             ConfigurationError: no part is left.
         """
         max_gap = longest_step(self.t, max_gap)
-        known = [np.flatnonzero(np.isfinite(self.columns[name])) for name in TORQUES]
-        gaps = [(rows[at], rows[at + 1]) for rows in known for at in np.flatnonzero(np.diff(self.t[rows]) > max_gap)]
-        first, last = max(rows[0] for rows in known), min(rows[-1] for rows in known)
-        outside = [(0, first)] if self.t[first] - self.t[0] > max_gap else []
-        outside += [(last, len(self.t) - 1)] if self.t[-1] - self.t[last] > max_gap else []
+        torque_rows = [np.flatnonzero(np.isfinite(self.columns[name])) for name in TORQUES]
+        gaps = [
+            (rows[at], rows[at + 1]) for rows in torque_rows for at in np.flatnonzero(np.diff(self.t[rows]) > max_gap)
+        ]
+        begin, end = max(rows[0] for rows in torque_rows), min(rows[-1] for rows in torque_rows)
+        outside = [(0, begin)] if self.t[begin] - self.t[0] > max_gap else []
+        outside += [(end, len(self.t) - 1)] if self.t[-1] - self.t[end] > max_gap else []
         if not gaps and not outside:
             return [self]
         inside = np.ones(len(self.t), bool)
@@ -196,28 +199,28 @@ def log_of(run: Result, name: str = "run") -> Log:
     return Log(columns["t"], arrays | {key: columns[key] for key in TORQUES}, name)
 
 
-def check_columns(source: str, found: Iterable[str], columns: Iterable[str] = (), required: Sequence[str] = ()) -> None:
+def check_columns(source: str, names: Iterable[str], columns: Iterable[str] = (), required: Sequence[str] = ()) -> None:
     """Raise `ConfigurationError` if torques, a position or another required name is missing in a log.
 
     The message names the columns of its file, if it is from one, and the nearest.
     """
-    found, columns = list(found), list(columns)
+    names, columns = list(names), list(columns)
     spare = {name.lower(): name for name in columns if name.removesuffix(run_columns.READ) not in UNIT_OF}
-    positions = [] if any(name in found for name in POSITIONS) else list(POSITIONS)
-    missing = [name for name in (*required, *TORQUES) if name not in found] or positions
-    if not missing:
+    positions = [] if any(name in names for name in POSITIONS) else list(POSITIONS)
+    absent = [name for name in (*required, *TORQUES) if name not in names] or positions
+    if not absent:
         return
     words = "must have a position or an encoder: x, theta_1 or theta_2"
-    words = words if missing == positions else f"{missing[0]}: no such column"
-    hint = f"; name it with --column {missing[0]}=NAME; it has" if columns else "; it has"
+    words = words if absent == positions else f"{absent[0]}: no such column"
+    hint = f"; name it with --column {absent[0]}=NAME; it has" if columns else "; it has"
     if columns and all(name.isdecimal() for name in columns):
-        hint = f"; the file has no header, name columns by number, --column {missing[0]}=1; it has"
-    for name in missing if missing == positions else missing[:1]:
+        hint = f"; the file has no header, name columns by number, --column {absent[0]}=1; it has"
+    for name in absent if absent == positions else absent[:1]:
         near = difflib.get_close_matches(name.lower(), spare, n=1, cutoff=0.4)
         if near:
             hint = f"; did you mean '{spare[near[0]]}' (--column {name}={spare[near[0]]})? It has"
             break
-    raise ConfigurationError(f"{source}: {words}{hint} {listed(columns or found)}")
+    raise ConfigurationError(f"{source}: {words}{hint} {listed(columns or names)}")
 
 
 def listed(columns: Iterable[str], most: int = 12) -> str:
@@ -257,17 +260,17 @@ def column_map(texts: str | Sequence[str]) -> dict[str, str]:
     Raises:
         ConfigurationError: an invalid text, an unknown reading, or two columns for one.
     """
-    found = dict[str, str]()
+    columns = dict[str, str]()
     for text in [texts] if isinstance(texts, str) else texts:
         parts = re.fullmatch(r"\s*(\w+)\s*=\s*(\S.*?)\s*", text)
         if not parts:
             raise ConfigurationError(f"--column {text}: must be READING=COLUMN or READING=COLUMN:UNIT, e.g. F1=left:kN")
         if parts[1] not in UNIT_OF:
             raise ConfigurationError(f"--column {text}: {quantities.unknown('reading', parts[1], UNIT_OF)}")
-        if found.get(parts[1], parts[2]) != parts[2]:
-            raise ConfigurationError(f"--column {text}: {parts[1]} is {found[parts[1]]} already: must be given once")
-        found[parts[1]] = parts[2]
-    return found
+        if columns.get(parts[1], parts[2]) != parts[2]:
+            raise ConfigurationError(f"--column {text}: {parts[1]} is {columns[parts[1]]} already: must be given once")
+        columns[parts[1]] = parts[2]
+    return columns
 
 
 def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None, csv: str = "") -> Log:
@@ -291,25 +294,29 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     table = read_columns(path, csv)
     if computed_times := _computed_times(columns.get("t", ""), table, path):
         table, columns = [*table, computed_times], {**columns, "t": computed_times.header}
-    chosen = _chosen(table, columns, path)
-    check_columns(str(path), chosen, [each.header for each in table if not each.content], ("t",))
+    readings = _log_columns(table, columns, path)
+    check_columns(str(path), readings, [each.header for each in table if not each.content], ("t",))
     notes = [f"{path.name}: line {table[0].cut}: is incomplete, left out"] if table[0].cut else list[str]()
-    values = {reading: _in_si(reading, each, path, notes) for reading, each in chosen.items()}
-    times = {reading: _own_times(table, each, chosen["t"]) or chosen["t"].column for reading, each in chosen.items()}
-    used = {id(each.column): (reading, each.column) for reading, each in chosen.items()}
+    values = {reading: _in_si(reading, each, path, notes) for reading, each in readings.items()}
+    times = {
+        reading: _own_times(table, each, readings["t"]) or readings["t"].column for reading, each in readings.items()
+    }
+    used = {id(each.column): (reading, each.column) for reading, each in readings.items()}
     used |= {id(column): ("t", column) for column in times.values()}
-    summed = [part.strip().partition(":")[0] for part in chosen["t"].column.header.split("+")]
+    summed = [part.strip().partition(":")[0] for part in readings["t"].column.header.split("+")]
     for reading, column in used.values():
         notes += _without_number(reading, column, path, csv)
-    notes += _unused(path.name, [each for each in table if id(each) not in used and each.header not in summed], chosen)
+    notes += _unused(
+        path.name, [each for each in table if id(each) not in used and each.header not in summed], readings
+    )
     seconds: dict[tuple[int, str | None], Floats] = {(id(times["t"]), None): values["t"]}
     for reading, column in times.items():
-        which = id(column), chosen[reading].times_unit
+        which = id(column), readings[reading].times_unit
         seconds[which] = seconds[which] if which in seconds else _seconds(column, path, which[1])
         _check_ascending(column, seconds[which], path)
-    own = {reading: seconds[id(column), chosen[reading].times_unit] for reading, column in times.items()}
-    _check_times(path, chosen, values, times, own)
-    merged = _merged(values, own)
+    times_of = {reading: seconds[id(column), readings[reading].times_unit] for reading, column in times.items()}
+    _check_times(path, readings, values, times, times_of)
+    merged = _merged(values, times_of)
     return Log(merged.pop("t"), merged, path.name, tuple(notes))
 
 
@@ -317,7 +324,7 @@ FIXED = r"([\d.]+(?:[eE][+-]?\d+)?)\s*(s|ms|us|µs|Hz|kHz)"
 """A sample time or a rate in place of a column of times."""
 
 
-def _computed_times(text: str, table: Sequence[csv_files.TableColumn], path: Path) -> csv_files.TableColumn | None:
+def _computed_times(text: str, table: Sequence[TableColumn], path: Path) -> TableColumn | None:
     """Times that are no column of the file: at a fixed step, such as ``1ms`` or ``500Hz``, or a sum ``sec+nanosec``.
 
     Columns of a sum are in s where no unit is stated, or in ns if their names say ``nano`` or ``nsec``.
@@ -325,7 +332,7 @@ def _computed_times(text: str, table: Sequence[csv_files.TableColumn], path: Pat
     Raises:
         ConfigurationError: a column of the sum is unknown.
     """
-    if not text or _found(table, text, path):
+    if not text or _column(table, text, path):
         return None
     rows = max((len(each.values) for each in table), default=0)
     if parts := re.fullmatch(FIXED, text.strip()):
@@ -333,7 +340,7 @@ def _computed_times(text: str, table: Sequence[csv_files.TableColumn], path: Pat
         step: float = 1 / (value * (1e3 if unit == "kHz" else 1.0)) if unit.endswith("Hz") else value
         step *= 1.0 if unit.endswith("Hz") else physical_units.factor(unit, "s")
         times = np.array(step * np.arange(rows), np.float64)
-        return csv_files.TableColumn.of_numbers(text, text, "s", times)
+        return TableColumn.of_numbers(text, text, "s", times)
     if "+" not in text:
         return None
     seconds: Floats = np.zeros(rows)
@@ -341,19 +348,19 @@ def _computed_times(text: str, table: Sequence[csv_files.TableColumn], path: Pat
         column, unit, *_ = _named(table, part.strip(), path)
         short = "ns" if re.search(r"nano|nsec|_ns$", column.header, re.IGNORECASE) else "s"
         seconds = seconds + column.values * physical_units.factor(unit or column.unit or short, "s")
-    return csv_files.TableColumn.of_numbers(text, text, "s", seconds)
+    return TableColumn.of_numbers(text, text, "s", seconds)
 
 
 class LogColumn(NamedTuple):
     """The column of a reading, its named unit, the column of its own times, and their named unit."""
 
-    column: csv_files.TableColumn
+    column: TableColumn
     unit: str | None = None
-    times: csv_files.TableColumn | None = None
+    times: TableColumn | None = None
     times_unit: str | None = None
 
 
-def _without_number(reading: str, column: csv_files.TableColumn, path: Path, csv: str) -> Iterator[str]:
+def _without_number(reading: str, column: TableColumn, path: Path, csv: str) -> Iterator[str]:
     """A note on rows with neither a finite number nor a gap.
 
     Raises:
@@ -368,100 +375,96 @@ def _without_number(reading: str, column: csv_files.TableColumn, path: Path, csv
         hint = marks if len(column.cells) and csv_files.has_other_mark(column.cells[column.words[0]]) else ""
         raise ConfigurationError(f"{path.name}: {column.at(column.words[0])}: must be {forms} or a gap{hint}")
     if count:
-        more = f", and so {'is 1 other' if count == 2 else f'are {count - 1} others'}" if count > 1 else ""
+        remainder = f", and so {'is 1 other' if count == 2 else f'are {count - 1} others'}" if count > 1 else ""
         what = "is neither a number nor a usual word for a gap, " if len(column.cells) else ""
-        yield f"{path.name}: {column.at(column.words[0])}: {what}taken for a gap{more}"
+        yield f"{path.name}: {column.at(column.words[0])}: {what}taken for a gap{remainder}"
     elif not filled and len(column.values):
         yield f"{path.name}: {column.header}: has no number in any row, not used"
 
 
-def _chosen(table: Sequence[csv_files.TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
+def _log_columns(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
     """Reading → its column, as named or by the reading's name; unnamed times default to those of ``tau_1``."""
-    chosen = dict[str, LogColumn]()
+    readings = dict[str, LogColumn]()
     for reading in UNIT_OF:
         if reading in columns:
             if columns[reading] != OMITTED:
-                chosen[reading] = _named(table, columns[reading], path)
+                readings[reading] = _named(table, columns[reading], path)
             continue
-        found = next(
-            (each for name in (f"{reading}{run_columns.READ}", reading) if (each := _found(table, name, path))), None
+        column = next(
+            (each for name in (f"{reading}{run_columns.READ}", reading) if (each := _column(table, name, path))), None
         )
-        if found and not _is_other(found, reading):
-            chosen[reading] = LogColumn(found)
-    if "t" not in columns and "t" not in chosen:
+        if column and not _is_other(column, reading):
+            readings[reading] = LogColumn(column)
+    if "t" not in columns and "t" not in readings:
         times = [each for each in table if each.name in TIMES]
-        if own := _own_times(table, chosen["tau_1"], None) if "tau_1" in chosen else None:
-            chosen["t"] = LogColumn(own)
+        if times_of_torque := _own_times(table, readings["tau_1"], None) if "tau_1" in readings else None:
+            readings["t"] = LogColumn(times_of_torque)
         elif len(times) == 1:
-            chosen["t"] = LogColumn(times[0])
-    return chosen
+            readings["t"] = LogColumn(times[0])
+    return readings
 
 
-def _is_other(column: csv_files.TableColumn, reading: str) -> bool:
+def _is_other(column: TableColumn, reading: str) -> bool:
     """Whether the end of a name, such as ``x_d``, looks like a unit but not one of the reading."""
     ends = f"{column.name}_{column.unit}" == column.header.rpartition(".")[2]
     return ends and column.unit is not None and not physical_units.is_unit(column.unit, UNIT_OF[reading])
 
 
-def _found(table: Sequence[csv_files.TableColumn], name: str, path: Path) -> csv_files.TableColumn | None:
+def _column(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
     """The column with a given header or name, or ``None``."""
-    found = csv_files.named_columns([each for each in table if not each.content], name) or csv_files.named_columns(
+    columns = csv_files.named_columns([each for each in table if not each.content], name) or csv_files.named_columns(
         table, name
     )
-    if len(found) > 1:
-        headers = dict.fromkeys(each.header for each in found)
+    if len(columns) > 1:
+        headers = dict.fromkeys(each.header for each in columns)
         which = f"; name one, --column READING=COLUMN: {listed(headers)}" if len(headers) > 1 else ""
         raise ConfigurationError(f"{path}: has more than one column '{name}'{which}")
-    if found and found[0].content:
+    if columns and columns[0].content:
         reading = name.removesuffix(run_columns.READ)
         out = f", or left out (--column {reading}=-)" if reading in READINGS else ""
         raise ConfigurationError(
-            f"{path}: column '{found[0].header}': is {found[0].content}: must be real numbers{out}"
+            f"{path}: column '{columns[0].header}': is {columns[0].content}: must be real numbers{out}"
         )
-    return found[0] if found else None
+    return columns[0] if columns else None
 
 
-def _named(table: Sequence[csv_files.TableColumn], text: str, path: Path) -> LogColumn:
+def _named(table: Sequence[TableColumn], text: str, path: Path) -> LogColumn:
     """The column of a text ``COLUMN``, ``COLUMN:UNIT`` or ``COLUMN:UNIT@TIMES:UNIT``; names may have colons."""
-    if whole := _found(table, text, path) or _numbered(table, text):
-        return LogColumn(whole)
-    own, _, at = (part.strip() for part in text.rpartition("@"))
-    (found, unit), (times, last) = _with_unit(table, own, path), _with_unit(table, at, path)
-    if own and found and times:
-        if last is not None and not physical_units.is_unit(last, "s"):
+    column, unit = _with_unit(table, text, path)
+    if column:
+        return LogColumn(column, unit)
+    words, _, words_of_times = (part.strip() for part in text.rpartition("@"))
+    (column, unit), (times, unit_of_times) = (_with_unit(table, each, path) for each in (words, words_of_times))
+    if words and column and times:
+        if unit_of_times is not None and not physical_units.is_unit(unit_of_times, "s"):
             raise ConfigurationError(
-                f"{path}: unit \"{last}\" of the times '{times.header}': must be one of "
-                f"{', '.join(physical_units.UNITS['s'])}; the unit of '{found.header}' goes before the @"
+                f"{path}: unit \"{unit_of_times}\" of the times '{times.header}': must be one of "
+                f"{', '.join(physical_units.UNITS['s'])}; the unit of '{column.header}' goes before the @"
             )
-        return LogColumn(found, unit, times, last)
-    found, unit = _with_unit(table, text, path)
-    if found:
-        return LogColumn(found, unit)
+        return LogColumn(column, unit, times, unit_of_times)
     name, _, unit = (part.strip() for part in text.rpartition(":"))
-    wanted = name if name and physical_units.is_unit(unit.removeprefix("-")) else text
-    near = difflib.get_close_matches(wanted, [each.header for each in table], n=1, cutoff=0.6)
+    title = name if name and physical_units.is_unit(unit.removeprefix("-")) else text
+    near = difflib.get_close_matches(title, [each.header for each in table], n=1, cutoff=0.6)
     hint = f"did you mean '{near[0]}'? It" if near else "it"
-    raise ConfigurationError(f"{path}: unknown column '{wanted}'; {hint} has {listed(each.header for each in table)}")
+    raise ConfigurationError(f"{path}: unknown column '{title}'; {hint} has {listed(each.header for each in table)}")
 
 
-def _with_unit(
-    table: Sequence[csv_files.TableColumn], text: str, path: Path
-) -> tuple[csv_files.TableColumn | None, str | None]:
+def _with_unit(table: Sequence[TableColumn], text: str, path: Path) -> tuple[TableColumn | None, str | None]:
     """The column of a text ``COLUMN`` or ``COLUMN:UNIT``, and the unit."""
-    if found := _found(table, text, path) or _numbered(table, text):
-        return found, None
+    if column := _column(table, text, path) or _numbered(table, text):
+        return column, None
     name, _, unit = (part.strip() for part in text.rpartition(":"))
-    return _found(table, name, path) or _numbered(table, name), unit
+    return _column(table, name, path) or _numbered(table, name), unit
 
 
-def _numbered(table: Sequence[csv_files.TableColumn], text: str) -> csv_files.TableColumn | None:
+def _numbered(table: Sequence[TableColumn], text: str) -> TableColumn | None:
     """The column of a number from 1, for headers that nobody can type."""
     return table[int(text) - 1] if text.isdecimal() and 1 <= int(text) <= len(table) else None
 
 
-def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Floats:
+def _in_si(reading: str, log_column: LogColumn, path: Path, notes: list[str]) -> Floats:
     """A reading in SI units; adds a note if the named unit differs from the file's."""
-    column, unit = chosen.column, chosen.unit
+    column, unit = log_column.column, log_column.unit
     if column.stamps and reading != "t":
         raise ConfigurationError(f"{path}: column '{column.header}': has time stamps: must be real numbers")
     if unit and column.unit and not physical_units.is_same_unit(unit.removeprefix("-"), column.unit):
@@ -473,14 +476,14 @@ def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Flo
     )
 
 
-def _factor(column: csv_files.TableColumn, si: str, unit: str | None, path: Path) -> float:
+def _factor(column: TableColumn, si: str, unit: str | None, path: Path) -> float:
     try:
         return column.factor(si, unit)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
 
 
-def _seconds(column: csv_files.TableColumn, path: Path, unit: str | None = None) -> Floats:
+def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats:
     """Times in s, from time stamps, times since 1970, or times in a given unit."""
     if column.stamps:
         if unit:
@@ -488,97 +491,95 @@ def _seconds(column: csv_files.TableColumn, path: Path, unit: str | None = None)
                 f"{path}: column '{column.header}': has time stamps: must be without a unit, not {unit}"
             )
         return column.values
-    stated, first = unit or column.unit, float(column.values[np.isfinite(column.values)][:1].sum())
+    stated, start = unit or column.unit, float(column.values[np.isfinite(column.values)][:1].sum())
     if stated is None:
-        unit = next((name for name, (low, high) in EPOCHS.items() if low <= first < high), "s")
+        unit = next((name for name, (low, high) in EPOCHS.items() if low <= start < high), "s")
     return column.values * _factor(column, "s", unit, path)
 
 
-def _own_times(
-    table: Sequence[csv_files.TableColumn], chosen: LogColumn, t: LogColumn | None
-) -> csv_files.TableColumn | None:
+def _own_times(table: Sequence[TableColumn], log_column: LogColumn, t: LogColumn | None) -> TableColumn | None:
     """The column of a reading's own times: as named, named after the reading, or next to it in a structure."""
-    if chosen.times or chosen is t:
-        return chosen.times
-    name, (*places, _) = chosen.column.name, chosen.column.header.split(".")
+    if log_column.times or log_column is t:
+        return log_column.times
+    name, (*places, _) = log_column.column.name, log_column.column.header.split(".")
     within = [".".join(places[:count]) for count in range(len(places), 0, -1)]
     forms = [form for each in TIMES for form in (f"{each}_{name}", f"{name}_{each}")]
     forms += [f"{place}.{each}" for place in within for each in TIMES]
     spare = [each for each in table if not t or each is not t.column]
     named = [each for form in forms for each in spare if form in {each.header, each.name}]
-    return next((each for each in named if len(each.values) == len(chosen.column.values)), None)
+    return next((each for each in named if len(each.values) == len(log_column.column.values)), None)
 
 
-def _check_ascending(column: csv_files.TableColumn, seconds: Floats, path: Path) -> None:
+def _check_ascending(column: TableColumn, seconds: Floats, path: Path) -> None:
     rows = np.flatnonzero(np.isfinite(seconds))
     steps = np.diff(seconds[rows])
-    late = np.flatnonzero(steps <= 0)
-    if not len(late):
+    descents = np.flatnonzero(steps <= 0)
+    if not len(descents):
         return
-    before, row = (int(rows[late[0] + more]) for more in (0, 1))
-    back, repeats = -steps[late[0]], int((steps == 0).sum())
+    before, row = (int(rows[descents[0] + offset]) for offset in (0, 1))
+    back, repeats = -steps[descents[0]], int((steps == 0).sum())
     hint = f"goes back by {back:.6g} s" if back else f"{repeats} of {len(rows)} times repeat the one before"
     raise ConfigurationError(f"{path}: {column.at(row)}: must be later than {column.at(before)}; {hint}")
 
 
 def _check_times(
     path: Path,
-    chosen: Mapping[str, LogColumn],
+    readings: Mapping[str, LogColumn],
     values: Mapping[str, Floats],
-    times: Mapping[str, csv_files.TableColumn],
-    own: Mapping[str, Floats],
+    times: Mapping[str, TableColumn],
+    times_of: Mapping[str, Floats],
 ) -> None:
     """Refuse readings that mostly have no time, or times outside those of the torques.
 
     Raises:
         ConfigurationError: a reading and its times differ in length, or its times are implausible.
     """
-    of_torques = own["tau_1"][np.isfinite(own["tau_1"])]
-    for reading, at in own.items():
-        read, column, header = values[reading], chosen[reading].column.header, times[reading].header
+    of_torques = times_of["tau_1"][np.isfinite(times_of["tau_1"])]
+    for reading, at in times_of.items():
+        read, column, header = values[reading], readings[reading].column.header, times[reading].header
         name = f"name its own times: --column '{reading}={column}@TIMES'"
         if len(at) != len(read):
             raise ConfigurationError(
                 f"{path}: {reading} has {len(read)} values and its times {len(at)}: must be as many; {name}"
             )
-        known = np.isfinite(read)
-        timed = known & np.isfinite(at)
-        if 2 * timed.sum() < known.sum():
+        filled = np.isfinite(read)
+        timed = filled & np.isfinite(at)
+        if 2 * timed.sum() < filled.sum():
             raise ConfigurationError(
-                f"{path}: {reading} has {known.sum()} values, {timed.sum()} with a time in {header}; {name}"
+                f"{path}: {reading} has {filled.sum()} values, {timed.sum()} with a time in {header}; {name}"
             )
-        count = int(known.sum())
-        first_rows = count < len(at) and known[:count].all() and 2 * count <= np.isfinite(at).sum() + 1
-        if count and first_rows and chosen[reading].times is None and times[reading] is chosen["t"].column:
+        count = int(filled.sum())
+        first_rows = count < len(at) and filled[:count].all() and 2 * count <= np.isfinite(at).sum() + 1
+        if count and first_rows and readings[reading].times is None and times[reading] is readings["t"].column:
             raise ConfigurationError(
                 f"{path}: {reading} has values in the first {count} of {len(at)} rows alone: is it of a lower rate? "
                 f"{name}; or, if {header} is right: --column '{reading}={column}@{header}'"
             )
-        if at is own["tau_1"] or not timed.any() or not len(of_torques):
+        if at is times_of["tau_1"] or not timed.any() or not len(of_torques):
             continue
-        (first, last), (start, end) = at[timed][[0, -1]], of_torques[[0, -1]]
+        (begin, finish), (start, end) = at[timed][[0, -1]], of_torques[[0, -1]]
         within = (at[timed] >= start) & (at[timed] <= end)
-        if 2 * within.sum() < len(within) or last - first < LEAST_SPAN * (end - start):
+        if 2 * within.sum() < len(within) or finish - begin < LEAST_SPAN * (end - start):
             raise ConfigurationError(
-                f"{path}: {reading}: has times {first:.10g} to {last:.10g} s in {header}, tau_1 {start:.10g} to "
+                f"{path}: {reading}: has times {begin:.10g} to {finish:.10g} s in {header}, tau_1 {start:.10g} to "
                 f"{end:.10g} s: must be of one origin, zone and unit (--column '{reading}={column}@{header}:UNIT')"
             )
 
 
-def _merged(values: Mapping[str, Floats], own: Mapping[str, Floats]) -> dict[str, Floats]:
+def _merged(values: Mapping[str, Floats], times_of: Mapping[str, Floats]) -> dict[str, Floats]:
     """All readings over a common time: that of the log, and the times of columns that have their own."""
-    if all(times is values["t"] for times in own.values()):
-        known = np.isfinite(values["t"])
-        return {reading: each[known] for reading, each in values.items()}
+    if all(times is values["t"] for times in times_of.values()):
+        filled = np.isfinite(values["t"])
+        return {reading: each[filled] for reading, each in values.items()}
     t = values["t"][np.isfinite(values["t"])]
-    rounded = {reading: _rounded_to(t, times) if len(t) > 1 else times for reading, times in own.items()}
+    rounded = {reading: _rounded_to(t, times) if len(t) > 1 else times for reading, times in times_of.items()}
     t = np.unique(np.concatenate([times[np.isfinite(times)] for times in rounded.values()]))
     merged = {"t": t}
     for reading, times in rounded.items():
         if reading != "t":
-            known = np.isfinite(times)
+            filled = np.isfinite(times)
             merged[reading] = np.full(len(t), np.nan)
-            merged[reading][np.searchsorted(t, times[known])] = values[reading][known]
+            merged[reading][np.searchsorted(t, times[filled])] = values[reading][filled]
     return merged
 
 
@@ -589,10 +590,10 @@ def _rounded_to(t: Floats, times: Floats) -> Floats:
     return np.where(np.abs(times - nearest) < SAME_TIME * np.median(np.diff(t)), nearest, times)
 
 
-def _unused(source: str, spare: Sequence[csv_files.TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:
+def _unused(source: str, spare: Sequence[TableColumn], readings: Mapping[str, LogColumn]) -> Iterator[str]:
     """A note on unused columns, each with the option to use it."""
-    spare = [each for each in spare if each.header and each.name.removesuffix(run_columns.READ) not in chosen]
-    missing = [reading for reading in UNIT_OF if reading not in chosen]
+    spare = [each for each in spare if each.header and each.name.removesuffix(run_columns.READ) not in readings]
+    absent = [reading for reading in UNIT_OF if reading not in readings]
     words = []
     for column in spare:
         if column.content in {TEXT, NUMBER}:
@@ -600,16 +601,16 @@ def _unused(source: str, spare: Sequence[csv_files.TableColumn], chosen: Mapping
         if column.content:
             words.append(f"{column.header} ({column.content})")
             continue
-        near = difflib.get_close_matches(column.name.lower(), [name.lower() for name in missing], n=1, cutoff=0.5)
-        likely = [name for name in missing if name.lower() in near]
-        likely += [name for name in missing if column.unit and physical_units.is_unit(column.unit, UNIT_OF[name])]
+        near = difflib.get_close_matches(column.name.lower(), [name.lower() for name in absent], n=1, cutoff=0.5)
+        likely = [name for name in absent if name.lower() in near]
+        likely += [name for name in absent if column.unit and physical_units.is_unit(column.unit, UNIT_OF[name])]
         words.append(f"{column.header} (--column '{likely[0]}={column.header}')" if likely else column.header)
     if words:
         how = "" if any("--column" in each for each in words) else "; --column READING=NAME uses one"
         yield f"{source}: not used: {listed(words)}{how}"
 
 
-def read_columns(path: Path, csv: str = "") -> list[csv_files.TableColumn]:
+def read_columns(path: Path, csv: str = "") -> list[TableColumn]:
     """Read all columns of a file.
 
     Raises:
@@ -628,7 +629,7 @@ def read_columns(path: Path, csv: str = "") -> list[csv_files.TableColumn]:
         raise ConfigurationError(f"{path}: not a {suffix} file: {str(error).splitlines()[0][:200]}") from error
 
 
-def _numpy(path: Path) -> list[csv_files.TableColumn]:
+def _numpy(path: Path) -> list[TableColumn]:
     if not is_zipfile(path):
         raise ConfigurationError(f"{path}: not a .npz file")
     with np.load(path, allow_pickle=False) as arrays:
@@ -649,7 +650,7 @@ def _numpy(path: Path) -> list[csv_files.TableColumn]:
     return _of_tree(tree)
 
 
-def _matlab(path: Path) -> list[csv_files.TableColumn]:
+def _matlab(path: Path) -> list[TableColumn]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError, matfile_version
 
@@ -673,8 +674,9 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         ) from None
 
     def tree(group: Any) -> dict[str, Any]:
-        own = [name for name in group if isinstance(group.get(name, getlink=True), h5py.HardLink)]  # no external links
-        items = {name: group[name] for name in own if not name.startswith("#")}
+        # no external links
+        names = [name for name in group if isinstance(group.get(name, getlink=True), h5py.HardLink)]
+        items = {name: group[name] for name in names if not name.startswith("#")}
         return {name: array(each) if isinstance(each, h5py.Dataset) else tree(each) for name, each in items.items()}
 
     def array(dataset: Any) -> Any:
@@ -686,27 +688,27 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         return tree(file)
 
 
-def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None) -> list[csv_files.TableColumn]:
+def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None) -> list[TableColumn]:
     """Columns of nested arrays: ``rig.F1`` of a structure, ``rig.F.1`` of a matrix, named by the last part.
 
     A field ``units`` is their common unit, except for times, or has a unit for each name.
     """
-    found, stated = list[csv_files.TableColumn](), tree.get("units")
+    table, stated = list[TableColumn](), tree.get("units")
     units = {name: str(each) for name, each in stated.items() if each} if isinstance(stated, Mapping) else {}
     unit = stated if isinstance(stated, str) else unit
     for key, item in tree.items():
-        header, own = f"{within}{key}", units.get(key, None if key in TIMES else unit)
+        header, unit_of_key = f"{within}{key}", units.get(key, None if key in TIMES else unit)
         parts = _parts(item)
         if key == "units" and not np.issubdtype(np.asarray(item).dtype, np.number):
             if not isinstance(stated, Mapping | str):
-                found.append(_without_numbers(header, "must be a text, or a structure of texts by the columns' names"))
+                table.append(_without_numbers(header, "must be a text, or a structure of texts by the columns' names"))
             continue
         if parts is not None:
-            found += _of_tree(parts, f"{header}.", own)
+            table += _of_tree(parts, f"{header}.", unit_of_key)
             continue
         array = np.squeeze(item.toarray() if hasattr(item, "toarray") else item)  # a sparse matrix
         if content := _content(array):
-            found.append(_without_numbers(header, content))
+            table.append(_without_numbers(header, content))
             continue
         columns = {header: array} if array.ndim == 1 else {f"{header}.{k}": p for k, p in enumerate(array.T, start=1)}
         for head, numbers in columns.items():
@@ -717,15 +719,15 @@ def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None)
                 if stamps
                 else numbers
             )
-            found.append(
-                csv_files.TableColumn.of_numbers(head, name, own or of_name, np.array(values, float), stamps=stamps)
+            table.append(
+                TableColumn.of_numbers(head, name, unit_of_key or of_name, np.array(values, float), stamps=stamps)
             )
-    return found
+    return table
 
 
-def _without_numbers(header: str, content: str) -> csv_files.TableColumn:
+def _without_numbers(header: str, content: str) -> TableColumn:
     """A column that cannot be a reading, with its content in place of real numbers."""
-    return csv_files.TableColumn(header, _name(header)[0], None, np.zeros(0), content=content)
+    return TableColumn(header, _name(header)[0], None, np.zeros(0), content=content)
 
 
 def _parts(item: Any) -> Mapping[str, Any] | None:
@@ -759,7 +761,7 @@ def _name(header: str) -> tuple[str, str | None]:
 CSV_SUFFIXES = (".csv", ".txt", ".tsv", ".lvm")
 """Suffixes of CSV files."""
 
-READERS: dict[str, Callable[[Path], list[csv_files.TableColumn]]] = {
+READERS: dict[str, Callable[[Path], list[TableColumn]]] = {
     ".parquet": recordings.read_parquet,
     ".npz": _numpy,
     ".mat": _matlab,

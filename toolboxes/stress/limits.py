@@ -145,15 +145,15 @@ class StressLimit:
     """A constraint of a stress test, the same for all gains.
 
     Attributes:
-        constraint: that applies, with its bound as a number; eased if gains violate `asked` in the base or lie on its
+        constraint: that applies, with its bound as a number; eased if gains violate it in the base or lie on its
             bound.
-        asked: the requested constraint, with its bound as a number.
+        requested: the requested constraint, with its bound as a number.
         on_bound: names of the gains that lie on the requested bound in the base.
         violated_by: names of the gains that violate it there.
     """
 
     constraint: tuning_constraints.Constraint
-    asked: tuning_constraints.Constraint
+    requested: tuning_constraints.Constraint
     on_bound: tuple[str, ...] = ()
     violated_by: tuple[str, ...] = ()
 
@@ -176,13 +176,13 @@ class StressLimit:
             if names
         ]
         bound = self.constraint.label.rpartition("= ")[2]
-        change = " ".join(filter(None, (f"{self.asked.label} is eased to {bound}", whom)))
+        change = " ".join(filter(None, (f"{self.requested.label} is eased to {bound}", whom)))
         return f"{change}: {' and '.join(reasons)} in the base" if reasons else ""
 
     @property
     def of_paper(self) -> bool:
         """Whether the requested bound is a factor on the value with the paper's gains."""
-        return self.asked.text.endswith("paper")
+        return self.requested.text.endswith("paper")
 
     @property
     def vacuous(self) -> bool:
@@ -195,16 +195,16 @@ class StressLimit:
     @property
     def words(self) -> str:
         """The requested constraint with its bound as a number, and the factor on the paper's value if there is one."""
-        return self.asked.label + (f" ({self.asked.text.partition('=')[2].strip()})" if self.of_paper else "")
+        return self.requested.label + (f" ({self.requested.text.partition('=')[2].strip()})" if self.of_paper else "")
 
     def to_dict(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
         constraint = self.constraint
         return {
-            "asked": self.asked.text,
+            "asked": self.requested.text,
             "statistic": constraint.statistic.name,
             "at_least": constraint.at_least,
-            "asked_bound": self.asked.bound,
+            "asked_bound": self.requested.bound,
             "bound": constraint.bound,
             "unit": constraint.statistic.unit,
             "eased": self.eased,
@@ -321,13 +321,15 @@ def failures(
     """
     if incomplete := violated_limits((), runs):
         return incomplete
-    requested = [StressLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
-    vacuous = {limit.asked for limit in limits if limit.vacuous}
+    requested = [
+        StressLimit(limit.requested, limit.requested) for limit in limits if limit.eased and not limit.of_paper
+    ]
+    vacuous = {limit.requested for limit in limits if limit.vacuous}
     return tuple(
         violation
         for limit in requested
         for violation in violated_limits([limit], runs)
-        if limit.asked in vacuous or (violation.name == "peak_tension" and violation.value > tension_max)
+        if limit.requested in vacuous or (violation.name == "peak_tension" and violation.value > tension_max)
     )
 
 

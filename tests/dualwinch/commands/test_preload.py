@@ -32,7 +32,7 @@ def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize("more", [(), ("--set", "controller.scheduled_preload.margin=0.025")])
-def test_another_coordination_of_the_file_has_a_row_as_it_is(
+def test_another_coordination_of_the_file_has_a_column_as_it_is(
     more: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, out = tmp_path / "mine.toml", tmp_path / "p.json"
@@ -49,15 +49,15 @@ def test_another_coordination_of_the_file_has_a_row_as_it_is(
     assert held["as_configured"]["coordination"] == "proportional-tension"
     assert held["constant"]["coordination"] == "differential-tension"
     assert held["scheduled"]["coordination"] == "scheduled-preload"
-    names = [line.split()[0] for line in said.splitlines() if line.strip()]
-    assert names.index("as") < names.index("constant")
+    heading = next(line for line in said.splitlines() if "scheduled" in line)
+    assert heading.index("as configured") < heading.index("constant")
     assert (
         "as configured: proportional-tension, as `simulate` runs it; constant and best constant share the force by "
         "differential-tension, scheduled by scheduled-preload" in said
     )
 
 
-def test_the_papers_coordination_has_no_second_row(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_papers_coordination_has_no_second_column(capsys: pytest.CaptureFixture[str]) -> None:
     main(["preload", "--case", "4", "--set", "simulation.duration=2"])
     assert "as configured" not in capsys.readouterr().out
 

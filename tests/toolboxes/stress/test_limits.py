@@ -49,7 +49,7 @@ def test_who_breaks_a_constraint_in_the_base_may_become_twice_as_bad() -> None:
     constraints = constraints_of(("worst.min_tension>=100", "worst.peak_tension<=5000"), (), EXPERIMENT)
     limits = limits_of(constraints, reached(GOOD), {"paper": reached(GOOD)})
     assert [limit.constraint.bound for limit in limits] == [45.0, 11000.0]
-    assert [limit.asked.bound for limit in limits] == [100.0, 5000.0]
+    assert [limit.requested.bound for limit in limits] == [100.0, 5000.0]
     assert all(limit.eased for limit in limits)
     assert violated_limits(limits, reached(GOOD)) == ()
     worse = {"min_tension": (44.0, 90.0), "peak_tension": (11500.0, 1.0)}
