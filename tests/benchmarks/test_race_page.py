@@ -10,7 +10,7 @@ import pytest
 from benchmarks.race_page import claims_table, facts, main, race_table
 from tests.toolboxes.race.made_up import made_up, scored
 
-RACE = made_up().to_dict()
+RACE = made_up().to_record()
 
 
 def cells(table: str) -> list[list[str]]:
@@ -40,7 +40,7 @@ def test_everybody_stands_in_the_table_with_the_papers_gains_last() -> None:
     assert facts(RACE).endswith("seed 5.*")
     entry = made_up().entries[1]
     again = replace(scored("adrc", 0.2), entry=replace(entry.entry, search=1))
-    several = replace(made_up(), entries=(*made_up().entries, again)).to_dict()
+    several = replace(made_up(), entries=(*made_up().entries, again)).to_record()
     assert "5 searches of 3000 rollouts" in facts(several)
     assert "are up to a factor of 2 apart" in facts(several)
 

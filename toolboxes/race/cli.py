@@ -5,7 +5,6 @@ The benchmark itself is the function ``dualwinch.race``.
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -141,24 +140,12 @@ def write_race(out: Path, result: RaceResult) -> list[str]:
 
 
 def to_record(result: RaceResult) -> dict[str, Any]:
-    """The result as plain data with units, including the quantities that are printed (RMS errors, ratios)."""
-    from dualwinch.toolbox import ensemble_file, idealisations, merits
+    """The result as plain data, with what its machine leaves out and the versions."""
+    from dualwinch.toolbox import ensemble_file, idealisations
 
-    record = result.to_dict()
-    for runs in (record["paper"], *record["entries"]):
-        runs["rms_error"] = math.sqrt(runs["statistics"]["mean.mse"] or math.nan)
-    for entry in record["entries"]:
-        for ratio in (entry["over_paper"], *entry["searches"]):
-            ends = zip(("estimate", "low", "high"), ("estimate", "high", "low"), strict=True)
-            ratio["times_below"] = {name: 1 / ratio[end] if ratio[end] else None for name, end in ends}
-    bounds = record["lower_bounds"]
-    bounds |= {f"rms_{name}": math.sqrt(bounds[name]) for name in ("without_foresight", "with_foresight")}
-    metrics = {name: quantity.unit for name, quantity in merits.metric_quantities().items()}
-    units = {"statistics": metrics, "lower_bounds": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
-    rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
-    simplifications = idealisations.idealisations(ensemble_file.loads_ensemble(result.terms.configuration).experiment)
-    facts = {"idealisations": [asdict(simplification) for simplification in simplifications], "units": units | rms}
-    return {**record, **facts, **output.version_notes()}
+    experiment = ensemble_file.loads_ensemble(result.terms.configuration).experiment
+    simplifications = list(map(asdict, idealisations.idealisations(experiment)))
+    return {**result.to_record(), "idealisations": simplifications, **output.version_notes()}
 
 
 def configuration(result: RaceResult, scored: EntryResult) -> str:

@@ -43,10 +43,12 @@ class ErrorRatio:
     interval: intervals.Interval
     p: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
+    def to_record(self) -> dict[str, Any]:
+        """As plain data; `times_below` is the inverse of the ratio, with its interval."""
         interval = {name: finite_or_none(value) for name, value in asdict(self.interval).items()}
-        return {**interval, "scenarios": self.scenarios, "p": self.p}
+        ends = {"estimate": "estimate", "low": "high", "high": "low"}
+        below = {name: 1 / ratio if (ratio := interval[end]) else None for name, end in ends.items()}
+        return {**interval, "scenarios": self.scenarios, "p": self.p, "times_below": below}
 
 
 @dataclass(frozen=True)

@@ -269,9 +269,12 @@ class RaceResult:
         """
         return _fronts_figure(self, ax)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The complete result as a dictionary for JSON; `docs/race.md` explains the names."""
+    def to_record(self) -> dict[str, Any]:
+        """The complete result as plain data, with units; `docs/race.md` explains the names."""
         terms, (causal, foresighted) = self.terms, self.paper.lower_bounds.means
+        metrics = {name: quantity.unit for name, quantity in merits.metric_quantities().items()}
+        units = {"statistics": metrics, "lower_bounds": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
+        units |= dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
         return {
             **asdict(terms),
             "seeds": {"searches": terms.seed, "test": terms.test_seed},
@@ -281,14 +284,16 @@ class RaceResult:
                 "without_bound": self.paper.lower_bounds.unknown,
                 "without_foresight": causal,
                 "with_foresight": foresighted,
+                "rms_without_foresight": math.sqrt(causal),
+                "rms_with_foresight": math.sqrt(foresighted),
             },
-            "paper": self.paper.runs.to_dict(),
+            "paper": self.paper.runs.to_record(),
             "entries": [self._entry(scored) for scored in self.ranking],
             "pairs": [
                 {
                     "first": pair.first_key,
                     "second": pair.second_key,
-                    **pair.ratio.to_dict(),
+                    **pair.ratio.to_record(),
                     "p_corrected": pair.corrected,
                     "separated": pair.separated,
                     "differ": pair.differ,
@@ -297,6 +302,7 @@ class RaceResult:
             ],
             "search_spread": self.search_spread,
             "remaining": self.remaining,
+            "units": units,
         }
 
     def _entry(self, scored: EntryResult) -> dict[str, Any]:
@@ -305,13 +311,13 @@ class RaceResult:
             "key": entry.key,
             "name": self.names[entry.key],
             **{name: value for name, value in asdict(entry).items() if name != "search"},
-            "over_paper": self.ratios[entry.key].to_dict(),
+            "over_paper": self.ratios[entry.key].to_record(),
             "not_different": list(self.not_different(entry.key)),
             "searches": [
-                {"search": search.entry.search, **self.ratios[search.entry.key].to_dict()}
+                {"search": search.entry.search, **self.ratios[search.entry.key].to_record()}
                 for search in self.searches[entry.group]
             ],
-            **scored.runs.to_dict(),
+            **scored.runs.to_record(),
             "gains": scored.gains,
             "search": asdict(scored.search),
             "fronts": {cost: [asdict(point) for point in points] for cost, points in scored.fronts.items()},

@@ -65,11 +65,13 @@ class ScoredRuns(run_outcomes.RunOutcomes):
             return f"{lost} of {len(self.outcomes)} scenarios not completed"
         return f"violated: {self.violated[0]}" if self.violated else "satisfied"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_record(self) -> dict[str, Any]:
         """The entry of ``race.json``."""
         statistics = [merit_statistics.statistic_from(name) for name in STATISTICS]
+        values = {statistic.name: finite_or_none(self.over(statistic)) for statistic in statistics}
         return {
-            "statistics": {statistic.name: finite_or_none(self.over(statistic)) for statistic in statistics},
+            "statistics": values,
+            "rms_error": None if (mse := values["mean.mse"]) is None else math.sqrt(mse),
             "completed": int(np.count_nonzero(self.completed)),
             "violated": list(self.violated),
             "operations": self.operations,

@@ -185,7 +185,7 @@ def to_record(result: StressResult) -> dict[str, Any]:
 
     scaling = result.scaling
     return {
-        **result.to_dict(),
+        **result.to_record(),
         "configuration": ensemble_file.ensemble_to_toml(scaling.ensemble),
         "base_configuration": ensemble_file.ensemble_to_toml(scaling.base),
         **output.version_notes(),

@@ -197,7 +197,7 @@ class StressLimit:
         """The requested constraint with its bound as a number, and the factor on the paper's value if there is one."""
         return self.requested.label + (f" ({self.requested.text.partition('=')[2].strip()})" if self.of_paper else "")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_record(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
         constraint = self.constraint
         return {

@@ -196,7 +196,7 @@ class StressResult:
         """
         return _figure(self, ax)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_record(self) -> dict[str, Any]:
         """The complete result as a dictionary for JSON; `docs/stress.md` explains the names."""
         scaling = self.scaling
         return {
@@ -210,7 +210,7 @@ class StressResult:
                 {
                     "name": name,
                     "failures_in_base": _violated(self.lost[name]),
-                    "limits": [limit.to_dict() for limit in self.limits[name]],
+                    "limits": [limit.to_record() for limit in self.limits[name]],
                     "controller": {key: value for key, value in leaves(controller).items() if value is not None},
                 }
                 for name, controller in self.controllers.items()

@@ -13,7 +13,7 @@ from tests.toolboxes.race.made_up import TERMS, made_up
 
 
 def write_race(folder: Path, race: RaceResult) -> None:
-    (folder / "race.json").write_text(json.dumps(race.to_dict()))
+    (folder / "race.json").write_text(json.dumps(race.to_record()))
 
 
 def test_entries_of_an_earlier_race_take_part_again(tmp_path: Path) -> None:

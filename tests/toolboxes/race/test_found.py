@@ -59,7 +59,7 @@ def test_of_several_searches_the_median_counts() -> None:
     assert found.search_spread == pytest.approx(4)
     assert "2 entries in 5 searches" in repr(found)
     assert "up to a factor of 4 apart" in repr(found)
-    record = found.to_dict()
+    record = found.to_record()
     assert [len(entry["searches"]) for entry in record["entries"]] == [3, 2]
     assert len(found.search_rows()) == 5
 
@@ -73,10 +73,10 @@ def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() ->
 
 
 def test_json_says_all_of_it() -> None:
-    record = json.loads(json.dumps(FOUND.to_dict(), allow_nan=False))
+    record = json.loads(json.dumps(FOUND.to_record(), allow_nan=False))
     assert [entry["name"] for entry in record["entries"]][:2] == ["adrc", "nftsm"]
     assert record["entries"][0]["not_different"] == [KEYS["nftsm"]]
     assert record["seeds"] == {"searches": 5, "test": named_seed(5, "benchmark test")}
     assert sum(pair["differ"] for pair in record["pairs"]) == 5
-    lost = replace(FOUND, entries=(scored("adrc", 1.0, lost=40),)).to_dict()
+    lost = replace(FOUND, entries=(scored("adrc", 1.0, lost=40),)).to_record()
     assert json.loads(json.dumps(lost, allow_nan=False))["entries"][0]["over_paper"]["estimate"] is None

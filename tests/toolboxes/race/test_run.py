@@ -21,7 +21,7 @@ from tests.toolboxes.race.conftest import MakeRace
 
 def numbers(found: RaceResult) -> dict[str, object]:
     """What a race says, without the time it took."""
-    record = found.to_dict()
+    record = found.to_record()
     for entry in record["entries"]:
         del entry["search"]["seconds"]
     return record

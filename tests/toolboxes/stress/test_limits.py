@@ -115,7 +115,7 @@ def test_a_bound_that_some_gains_violate_is_eased_to_twice_the_worst_of_them() -
     assert peak.easing() == (
         "worst.peak_tension <= 5500 N is eased to 11400 N: paper lies on it and a and b violate it in the base"
     )
-    assert peak.to_dict() == {
+    assert peak.to_record() == {
         "asked": "worst.peak_tension<=1*paper",
         "statistic": "worst.peak_tension",
         "at_least": False,

@@ -59,7 +59,7 @@ def test_amounts_are_those_of_the_value_that_goes_furthest(found: StressResult) 
 
 
 def test_the_record_says_what_the_result_does(found: StressResult) -> None:
-    record = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    record = json.loads(json.dumps(found.to_record(), allow_nan=False))
     assert [row["label"] for row in record["imperfections"]] == [row.imperfection.label for row in found.ranking]
     assert [gains["name"] for gains in record["gains"]] == ["paper", "a|b.toml"]
     by_label = {row["label"]: row for row in record["imperfections"]}

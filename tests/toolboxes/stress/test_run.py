@@ -172,7 +172,7 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     untold = breakdowns(own, base, of(DRUMS, base), better, scenarios=2, seed=0)
     assert [limit.words for limit in untold.limits["own"]] == ["worst.slack_share <= 0"]
     assert "worst.mse<=0.25*paper is left out: the paper's gains are no measure here" in repr(untold)
-    assert untold.to_dict()["left_out"] == ["worst.mse<=0.25*paper"]
+    assert untold.to_record()["left_out"] == ["worst.mse<=0.25*paper"]
     least = constraints_from(["worst.min_tension>=1e5", "worst.mse<=4*paper"], base.experiment)
     monkeypatch.setattr("dualwinch.toolboxes.stress.limits.WORSE", np.inf)
     moment = breakdowns(own, base, of(DRUMS, base), least, scenarios=2, seed=0)
