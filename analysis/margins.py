@@ -52,7 +52,7 @@ FORGOTTEN, SILENT = 0.05, 1e-14
 """Magnitude up to which poles are left out of sums over poles (those of delays are 0, with too few eigenvectors), and
 relative magnitude at which the series of their impulse responses ends."""
 
-AT_A_POLE = 1e300
+AT_A_POLE = math.sqrt(np.finfo(float).max)
 """Finite substitute for infinity at a pole, so that a residue of 0 gives 0."""
 
 NEAR_LEAST, NEARER_LEAST = 1.3, 1 + 1e-4

@@ -16,6 +16,7 @@ from collections.abc import Collection, Mapping
 from functools import cache
 from statistics import median_high, median_low
 
+from dualwinch.analysis.margins import comparable
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import CHECKED
 from dualwinch.model.quantities.description import describe_parts
@@ -165,15 +166,11 @@ def _factors(values: dict[str, float], suspects: Collection[str]) -> dict[str, f
             trials[key] = values[key] * math.exp(-factor)
             corrected = _distances(of_key, values | {key: trials[key]})
             share = sum(abs(distances[name]) - abs(corrected[name]) for name in of_key)
-            if share > explained * (1 + TIE):
+            if comparable(share) > comparable(explained):
                 best, explained = key, share
         if not best:
             return factors
         factors[best], values = values[best] / trials[best], values | {best: trials[best]}
-
-
-TIE = 1e-9
-"""Relative difference below which two values explain as much; the first one is taken then."""
 
 
 def _nearer_median(numbers: list[float]) -> float:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from dualwinch.simulation.experiment import Experiment
     from dualwinch.tuning.options import TuningOptions
 
-MOST_DIGITS = 18
-"""Most digits of a whole number on the command line."""
+MOST_DIGITS = len(str(2**63 - 1)) - 1
+"""Most digits of a whole number on the command line, all of which 64 bits can hold."""
 
 
 def whole(kind: Any, tokens: Sequence[Token]) -> int:  # noqa: ARG001
