@@ -1,7 +1,6 @@
 """The hand-written C loop is the same method; tables of rates and of dated results. What is timed is not tested."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 
 import dualwinch as dw
 from benchmarks.__main__ import Timed, ensemble_of, kernel, measure
-from benchmarks.dated.__main__ import RESULTS, tables
+from benchmarks.dated.__main__ import PAGE, RESULTS, tables
 from benchmarks.hand_c import MissingCompilerError, hand_adaptive
 
 SHORT = {"simulation.duration": 0.5}
@@ -44,11 +43,11 @@ def test_calls_take_turns_and_the_first_round_does_not_count() -> None:
     assert [len(each.seconds) for each in calls.values()] == [2, 2]
 
 
-def test_dated_tables_are_whole_and_stand_in_their_page() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("page", [PAGE, "docs/fmu.md"])
+def test_dated_tables_are_whole_and_stand_in_their_page(page: str) -> None:
+    text = (Path(__file__).parents[2] / page).read_text(encoding="utf-8")
     results = json.loads(RESULTS.read_text(encoding="utf-8"))
     assert all(len(row) == len(each["headings"]) for each in results["tables"].values() for row in each["rows"])
-    for mark, text in tables(results).items():
-        block = re.search(rf"<!-- {mark}: begin -->\n(.*?)\n<!-- {mark}: end -->", page, re.DOTALL)
-        assert block
-        assert block[1] == text
+    assert tables(results, page)
+    for mark, block in tables(results, page).items():
+        assert f"<!-- {mark}: begin -->\n{block}\n<!-- {mark}: end -->" in text
