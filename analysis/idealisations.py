@@ -16,6 +16,7 @@ For a Kelvin–Voigt rope without mass or weight, both are those of a wire rope 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -252,6 +253,7 @@ STEADY_PLANT = {
 """Values that remove stiction and quantisation, so that the response to small motions about rest is linear."""
 
 
+@lru_cache(maxsize=8)  # the same of both ropes, as a rule
 def position_loop_gain(
     experiment: Experiment, omega: float, amplitude: float = 1e-3, periods: float = 4.0, samples: int = 500
 ) -> float:
