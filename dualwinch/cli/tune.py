@@ -30,6 +30,7 @@ from dualwinch.cli.options import (
     use_parts,
 )
 from dualwinch.cli.output import (
+    NOTES,
     if_interrupted,
     note,
     print_figures,
@@ -339,7 +340,13 @@ def write(
     here = ExperimentOptions(config=Path("best.toml"), plugin=[seen_from(out, plugin) for plugin in plugins]).typed
     write_best(out / "best.toml", tuned, best, facts, here)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
-    write_study(out / "study.json", tuned, named | {"compared": compared(tuned)}, configuration(problem), here)
+    write_study(
+        out / "study.json",
+        tuned,
+        named | {"compared": compared(tuned), "notes": NOTES.get() or []},
+        configuration(problem),
+        here,
+    )
     write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best, plugins, following)
 
 

@@ -126,3 +126,7 @@ def test_a_machine_that_nothing_describes_is_said_to_be_the_papers(
     assert said(str(drawn), "--config", str(empty)).count(everything) == 1
     main(["simulate", "--config", str(empty), *SHORT])
     assert capsys.readouterr().err == everything
+    main(["simulate", "--config", str(empty), *SHORT, "--json"])
+    printed = capsys.readouterr()
+    assert printed.err == everything
+    assert [f"note: {words}\n" for words in json.loads(printed.out)["notes"]] == [everything]

@@ -46,8 +46,11 @@ def dualwinch(*words: object) -> int:
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[plant.vehicle]\nmass = 10e3  # CHECKED on the scales\n")
+    assert dualwinch("tune", *SHORT, "--config", mine, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
+    assert re.search(r"^mass = 10000\.0 +# CHECKED: ", (tmp_path / "out" / "best.toml").read_text(), re.MULTILINE)
     assert "is the best; scored in 200 test scenarios" in said.out
     assert "bounds hold in ≥ 70 % of draws" in said.out.splitlines()[0]
     assert "test set, with 95 % intervals: mean.mse = " in said.out
