@@ -430,9 +430,8 @@ def _column(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn 
 
 def _named(table: Sequence[TableColumn], text: str, path: Path) -> LogColumn:
     """The column of a text ``COLUMN``, ``COLUMN:UNIT`` or ``COLUMN:UNIT@TIMES:UNIT``; names may have colons."""
-    column, unit = _with_unit(table, text, path)
-    if column:
-        return LogColumn(column, unit)
+    if column := _column(table, text, path) or _numbered(table, text):
+        return LogColumn(column)
     words, _, words_of_times = (part.strip() for part in text.rpartition("@"))
     (column, unit), (times, unit_of_times) = (_with_unit(table, each, path) for each in (words, words_of_times))
     if words and column and times:
@@ -442,6 +441,9 @@ def _named(table: Sequence[TableColumn], text: str, path: Path) -> LogColumn:
                 f"{', '.join(physical_units.UNITS['s'])}; the unit of '{column.header}' goes before the @"
             )
         return LogColumn(column, unit, times, unit_of_times)
+    column, unit = _with_unit(table, text, path)
+    if column:
+        return LogColumn(column, unit)
     name, _, unit = (part.strip() for part in text.rpartition(":"))
     title = name if name and physical_units.is_unit(unit.removeprefix("-")) else text
     near = difflib.get_close_matches(title, [each.header for each in table], n=1, cutoff=0.6)
