@@ -304,7 +304,7 @@ class ComplementarySensitivity:
     def _exact_elements(self, omega: Floats) -> Complex:
         pencils = np.exp(1j * self.dt * omega)[..., None, None] * np.eye(self.A.shape[1]) - self.A[:, None]
         values = self.C[:, None] @ _solved(pencils, self.B[:, None].astype(complex)) + self.D[:, None]
-        return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1)
+        return np.moveaxis(np.asarray(values[:, :, self.rows, self.columns], complex), 2, 1)
 
     def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """Loci (a,) and their slopes over frequency, at one frequency in rad/s each, by sums over poles.

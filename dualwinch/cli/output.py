@@ -128,7 +128,7 @@ def table_of_columns(figures: FigureTable) -> Table:
     for row, heading in zip(figures.rows, lines[0][1], strict=True):
         words = fill(figures.columns[0].shown(heading), NAME_WIDTH, break_on_hyphens=False) if headed else ""
         values = [column.shown(value) for column, value in zip(figures.columns, row, strict=True)][headed:]
-        table.add_column(words, justify="right", min_width=max(map(len, values)), overflow="fold")
+        table.add_column(words, justify="right", min_width=max(map(len, (*values, *words.split()))), overflow="fold")
     table.add_column("")
     if not headed:
         table.add_column("", style="dim")

@@ -50,7 +50,7 @@ def test_another_coordination_of_the_file_has_a_column_as_it_is(
     assert held["constant"]["coordination"] == "differential-tension"
     assert held["scheduled"]["coordination"] == "scheduled-preload"
     heading = next(line for line in said.splitlines() if "scheduled" in line)
-    assert heading.index("as configured") < heading.index("constant")
+    assert heading.index("configured") < heading.index("constant")
     assert (
         "as configured: proportional-tension, as `simulate` runs it; constant and best constant share the force by "
         "differential-tension, scheduled by scheduled-preload" in said
