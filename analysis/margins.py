@@ -280,13 +280,7 @@ class ComplementarySensitivity:
             return elements
         alone = elements[:, self.diagonal[:-2]]
         half, root = _halves(elements)
-        locus_1, locus_2 = half + root, half - root
-        step_in_order = np.abs(np.diff(locus_1)) + np.abs(np.diff(locus_2))
-        crossed = np.abs(locus_1[:, 1:] - locus_2[:, :-1]) + np.abs(locus_2[:, 1:] - locus_1[:, :-1])
-        exchanges = np.zeros(locus_1.shape, bool)
-        exchanges[:, 1:] = np.logical_xor.accumulate(crossed < step_in_order, axis=1)
-        pair = np.where(exchanges, locus_2, locus_1), np.where(exchanges, locus_1, locus_2)
-        return np.concatenate([alone, np.stack(pair, axis=1)], axis=1)
+        return np.concatenate([alone, np.stack(continuous_loci(half + root, half - root), axis=1)], axis=1)
 
     def _summed_elements(self, omega: Floats) -> Complex:
         z = np.exp(1j * self.dt * omega)
@@ -356,6 +350,15 @@ def _solved(pencils: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.solve(pencils, right)
     except np.linalg.LinAlgError:
         return np.linalg.solve(pencils + np.finfo(float).eps * np.eye(pencils.shape[-1]), right)
+
+
+def continuous_loci(locus_1: Complex, locus_2: Complex) -> tuple[Complex, Complex]:
+    """Two loci (…, k) at ascending frequencies, exchanged from where on that makes their steps shorter."""
+    in_order = np.abs(np.diff(locus_1)) + np.abs(np.diff(locus_2))
+    crossed = np.abs(locus_1[..., 1:] - locus_2[..., :-1]) + np.abs(locus_2[..., 1:] - locus_1[..., :-1])
+    exchanges = np.zeros(locus_1.shape, bool)
+    exchanges[..., 1:] = np.logical_xor.accumulate(crossed < in_order, axis=-1)
+    return np.where(exchanges, locus_2, locus_1), np.where(exchanges, locus_1, locus_2)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:

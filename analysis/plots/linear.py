@@ -19,7 +19,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from dualwinch.analysis.describing_function import AmplitudePoint
-from dualwinch.analysis.margins import Margins
+from dualwinch.analysis.margins import Margins, continuous_loci
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import (
     SAMPLES_A_PERIOD,
@@ -271,10 +271,7 @@ def _loci(response: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
     """The loop gain (k,) of one signal, or the characteristic loci of two with equal changes."""
     if response.shape[1] == 1:
         return [response[:, 0, 0]]
-    values = np.linalg.eigvals(response)
-    uncrossed, crossed = (np.abs(values[1:] - before).sum(axis=1) for before in (values[:-1], values[:-1, ::-1]))
-    exchanges = np.concatenate([[False], np.logical_xor.accumulate(crossed < uncrossed)])
-    return list(np.where(exchanges[:, None], values[:, ::-1], values).T)
+    return list(continuous_loci(*np.linalg.eigvals(response).T))
 
 
 def _opening(system: LinearSystem) -> str:

@@ -715,15 +715,11 @@ def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None)
         columns = {header: array} if array.ndim == 1 else {f"{header}.{k}": p for k, p in enumerate(array.T, start=1)}
         for head, numbers in columns.items():
             name, of_name = _name(head)
-            stamps = numbers.dtype.kind == "M"
-            values = (
-                np.where(np.isnat(numbers), np.nan, 1e-9 * numbers.astype("M8[ns]").astype(float))
-                if stamps
-                else numbers
-            )
-            table.append(
-                TableColumn.of_numbers(head, name, unit_of_key or of_name, np.array(values, float), stamps=stamps)
-            )
+            kind, values = numbers.dtype.kind, numbers
+            if kind in "Mm":  # dates and durations
+                values = np.where(np.isnat(numbers), np.nan, 1e-9 * numbers.astype(f"{kind}8[ns]").astype(float))
+            in_unit = "s" if kind == "m" else unit_of_key or of_name
+            table.append(TableColumn.of_numbers(head, name, in_unit, np.array(values, float), stamps=kind == "M"))
     return table
 
 
@@ -745,7 +741,7 @@ def _parts(item: Any) -> Mapping[str, Any] | None:
 def _content(array: NDArray[Any]) -> str:
     """The content of an array without columns of real numbers, in words; else empty."""
     kind = array.dtype.kind
-    if kind not in "fiuM":
+    if kind not in "fiuMm":
         return OTHER_CONTENTS.get(kind, str(array.dtype))
     if array.size < 2:
         return NUMBER if array.size else "empty"

@@ -492,6 +492,19 @@ def test_parquet_has_units_in_its_names_and_infinite_numbers_are_gaps(tmp_path: 
     assert found.notes == ("rig.parquet: row 1: x = infinite: taken for a gap",)
 
 
+@pytest.mark.parametrize("suffix", ["npz", "parquet"])
+def test_times_may_be_durations(tmp_path: Path, suffix: str) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    file, columns = tmp_path / f"rig.{suffix}", FAST | {"t": np.round(1e6 * T).astype("timedelta64[us]")}
+    if suffix == "npz":
+        np.savez(file, **columns)
+    else:
+        parquet.write_table(pa.table(columns), file)
+    np.testing.assert_allclose(read_log(file).t, T, rtol=0, atol=1e-9)
+
+
 def test_units_without_names_and_single_numbers_beside_columns_are_no_readings(tmp_path: Path) -> None:
     savemat(tmp_path / "rig.mat", {"x": 5.0, "rig": FAST | {"units": ["s", "Nm", "Nm", "mm"]}})
     found = read_log(tmp_path / "rig.mat")
