@@ -9,8 +9,9 @@
 4. The standard deviation of the tensions by noise of the sensors, from the Lyapunov equation of the closed loop at rest
    at mid-track: four of them below the least tension, so that noise makes no rope slack.
 5. While one of these is violated, what violates it gives way to 70 %: for noise the bandwidth; for margins what
-   oscillates there, by its frequency: far below the bandwidth (by LAG_RATIO) integral action, far above that of the
-   drums on their ropes (by two) the damping of the drums with the bandwidth, otherwise the bandwidth.
+   oscillates there, by its frequency: far below the bandwidth (by LAG_RATIO) integral action; far above that of the
+   drums on their ropes (by two) the damping of the drums, at first on ropes that are short for its lag, then everywhere
+   with the bandwidth; otherwise the bandwidth.
 6. A design that satisfies all is checked on further drawn machines where its margins are least. The machine furthest
    below a bound joins those of step 3 (a cutting set; Mutapcic and Boyd, Optim. Methods Softw. 24, 2009, 381).
 """
@@ -130,6 +131,7 @@ class Design:
         lags = f"drive {1e3 * timing.drive:.3g} ms, load cell {1e3 * timing.load_cell:.3g} ms"
         samples = f"{1.5 + timing.delay_samples:g} samples {1e3 * timing.sampling:.3g} ms"
         shares = [f"{100 * share:.0f} % of the {what}" for what, share in self.shares.named.items() if share < 1]
+        shares += ["damping on long ropes only"] if self.shares.fading else []
         margins = ", ".join(
             f"{kind.replace('_', ' ')} {_in_unit(kind, self.margins[kind].value)} (at least {_in_unit(kind, bound)})"
             for kind, bound in self.bounds.items()
@@ -334,6 +336,8 @@ def _giving_way(design: Design, machines: Sequence[Experiment | Scenario]) -> Sh
     swing = max(float(drum_frequency(side, tension, length, plant.track)) for side in plant.sides)
     if frequency < design.bandwidth / LAG_RATIO:
         return replace(shares, integral=STEP * shares.integral)
+    if frequency > 2 * swing and not shares.fading:
+        return replace(shares, fading=True)
     if frequency > 2 * swing:
         return replace(shares, bandwidth=STEP * shares.bandwidth, damping=STEP * shares.damping)
     return replace(shares, bandwidth=STEP * shares.bandwidth)

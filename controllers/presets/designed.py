@@ -5,6 +5,8 @@ The design has two parameters, `RESONANCE_MARGIN` and `LAG_RATIO`; everything el
 1. **Damping of the drums** d in N s/m at the rim: the wave impedance sqrt(E A mu) of the rope
    (`controllers.coordinations.winch_pid`), and at most m/(LAG_RATIO lag), so that the crossover of the damping stays
    well below the lag of drive, samples and load cell. m is the moving mass of drum and rope (`model.drum_on_rope`).
+   On a shorter rope the drum's resonance w_d is faster. Where w_d lag exceeds a quarter of a turn, damping that late
+   drives the drum: if margins ask for it, the damping fades on ropes shorter than that.
 2. **Bandwidth** w, the smallest of: 1/(LAG_RATIO lag); the rule of the drums' resonance (`analysis.resonance`) with the
    margin RESONANCE_MARGIN, ``kv + L + ki G/R <= d/(RESONANCE_MARGIN m)``; and the first frequency of the spans over the
    same margin.
@@ -30,7 +32,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.model.drum_on_rope import moving_mass, span_frequency, tangent_rigidity, wave_impedance
+from dualwinch.model.drum_on_rope import drum_frequency, moving_mass, span_frequency, tangent_rigidity, wave_impedance
 from dualwinch.model.plant import Plant, Side
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -83,11 +85,15 @@ class LoopTiming:
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of the formulas' values that margins leave: of the bandwidth, the drums' damping and integral action."""
+    """What margins leave of the formulas' values: shares of the bandwidth, the drums' damping and integral action.
+
+    `fading` says whether the damping fades on ropes that are short for its lag (`damped_length`).
+    """
 
     bandwidth: Annotated[float, Quantity("1", "share of the bandwidth")] = 1.0
     damping: Annotated[float, Quantity("1", "share of the damping of the drums")] = 1.0
     integral: Annotated[float, Quantity("1", "share of the gains of observers and tension integrals")] = 1.0
+    fading: bool = False
 
     @property
     def named(self) -> dict[str, float]:
@@ -120,6 +126,16 @@ def drum_damping(side: Side, controller: Controller, plant: Plant, timing: LoopT
     length = plant.track.length / 2
     impedance = wave_impedance(side.rope, controller.limits.preload / 2, length)
     return min(float(impedance), float(moving_mass(side, length, plant.track)) / (LAG_RATIO * timing.lag))
+
+
+def damped_length(side: Side, controller: Controller, plant: Plant, timing: LoopTiming) -> float:
+    """Length in m of a rope at whose resonance with its drum the lag is a quarter of a turn (step 1).
+
+    The frequency is that of the rope in mid-track, which falls with the root of the length.
+    """
+    length = plant.track.length / 2
+    frequency = float(drum_frequency(side, controller.limits.preload / 2, length, plant.track))
+    return length * (frequency * timing.lag / (math.pi / 2)) ** 2
 
 
 def bandwidth_limits(
@@ -170,6 +186,7 @@ def designed_controller(
     vehicle_mass = float(inertia(nominal_plant(controller.nominal, plant, controller.limits.preload).vehicle))
     gains = _law(controller, vehicle_mass, bandwidth, largest_speed_error, shares.integral)
     length, tension, stretches = plant.track.length / 2, controller.limits.preload / 2, []
+    values = leaves(controller)
     for side in plant.sides:
         stretches.append(tension * length / float(tangent_rigidity(side.rope, tension, length, plant.track)))
         winch, radius = f"winch_{side.number}", side.winch.drum_radius
@@ -180,6 +197,9 @@ def designed_controller(
             f"{winch}.damping": shares.damping * drum_damping(side, controller, plant, timing) * radius * lever,
             f"{winch}.lead": LEAD * timing.drive,
         }
+        if shares.fading:
+            share = damped_length(side, controller, plant, timing) / plant.track.length
+            gains[f"{winch}.fade"] = max(share, values.get(f"{winch}.fade", 0.0))
     gains |= {
         "kalman.bandwidth": 2 * bandwidth,
         "kalman.ramp": 0.2,
@@ -188,7 +208,6 @@ def designed_controller(
     }
     if speed_noise:
         gains["kalman.speed_noise"] = 1.5 * speed_noise
-    values = leaves(controller)
     return with_leaves(controller, {key: value for key, value in gains.items() if key in values})
 
 

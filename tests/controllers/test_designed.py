@@ -10,7 +10,8 @@ import dualwinch as dw
 from dualwinch.analysis.design import formula_design, limits_of, timing_of, with_designed_parts
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.parts import Context, Estimate
-from dualwinch.controllers.presets.designed import LAG_RATIO
+from dualwinch.controllers.presets.designed import LAG_RATIO, Shares
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.experiment import Experiment
@@ -52,3 +53,20 @@ def test_the_law_is_no_steeper_at_large_speed_errors() -> None:
     for amplitude in np.geomspace(1e-3, 0.3, 8):
         harmonic = [feedback(machine, 0.0, amplitude * math.sin(angle)) * math.sin(angle) for angle in angles]
         assert -2 * np.mean(harmonic) / amplitude < 2.05 * bandwidth, amplitude
+
+
+def test_the_damping_fades_where_its_lag_is_a_quarter_of_the_drums_period() -> None:
+    """On massless ropes, whose stiffness is EA over the length; a longer fading range than that of the design stays."""
+    stiff = {f"plant.winch_{side}.inertia": 90.0 for side in (1, 2)}
+    machine = with_designed_parts(dw.override(LAGGING, stiff))
+    faded = leaves(formula_design(machine, Shares(fading=True)))
+    length = faded["controller.winch_1.fade"] * machine.plant.track.length
+    winch, rope = machine.plant.winch_1, machine.plant.rope_1
+    mass = (winch.inertia + winch.rotor_inertia * winch.gear_ratio**2) / winch.drum_radius**2
+    period = 2 * math.pi * math.sqrt(mass * length / (rope.modulus * rope.area))
+    assert period == pytest.approx(4 * timing_of(machine).lag, rel=1e-3)
+    assert leaves(formula_design(machine))["controller.winch_1.fade"] == leaves(machine)["controller.winch_1.fade"]
+    widely = dw.override(machine, {"controller.winch_1.fade": 2 * faded["controller.winch_1.fade"]})
+    assert leaves(formula_design(widely, Shares(fading=True)))["controller.winch_1.fade"] == pytest.approx(
+        2 * faded["controller.winch_1.fade"]
+    )
