@@ -88,7 +88,10 @@ def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble
             raise ConfigurationError(f"{source.name}: {key}: must be a table, [{key}]")
     for key, value in heading.items():
         with source.located(f"ensemble.{key}"):
-            _check_heading(key, value)
+            if key not in HEADING:
+                raise ConfigurationError(unknown("key", f"ensemble.{key}", [f"ensemble.{name}" for name in HEADING]))
+            if not isinstance(value, str):
+                raise ConfigurationError(f"ensemble.{key} = {value}: must be a text")
     for key in HEADING:
         if key in table:
             with source.located(key):
@@ -143,13 +146,6 @@ def ensemble_to_toml(ensemble: Ensemble) -> str:
     lines += ["", "[distributions]"]
     lines += [f"{key} = {entry_of(key, distribution)}" for key, distribution in ensemble.distributions.items()]
     return "\n".join(lines) + "\n\n" + to_toml(ensemble.experiment)
-
-
-def _check_heading(key: str, value: Any) -> None:
-    if key not in HEADING:
-        raise ConfigurationError(unknown("key", f"ensemble.{key}", [f"ensemble.{name}" for name in HEADING]))
-    if not isinstance(value, str):
-        raise ConfigurationError(f"ensemble.{key} = {value}: must be a text")
 
 
 def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -239,8 +239,8 @@ CHECKED_LINE = re.compile(rf"^\s*[\w.-]+\s*=.*#\s*{CHECKED}\b.*$", re.MULTILINE)
 def checked_keys(path: Path) -> frozenset[str]:
     """Keys of an experiment's file whose values are marked as right, by a comment that begins with `CHECKED`."""
     source = read_source(path)
-    others = replace(source, text=CHECKED_LINE.sub("", source.text))
-    return given_keys(path) - {key for key, _ in flattened(others.table())}
+    remainder = replace(source, text=CHECKED_LINE.sub("", source.text))
+    return given_keys(path) - {key for key, _ in flattened(remainder.table())}
 
 
 def own_parts_to_toml(experiment: Experiment) -> str:

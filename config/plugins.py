@@ -17,17 +17,17 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from functools import cache
-from importlib.abc import InspectLoader
 from importlib.machinery import ModuleSpec
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import dualwinch.simulation.ensembles.ensemble  # noqa: F401  registries that no experiment holds
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import check_keys, every_leaf
-from dualwinch.model.quantities.part import PLUGIN, Part, base_of, check_defaults, named, registries
+from dualwinch.model.quantities.part import PLUGIN, Part, base_of, check_defaults, named, registries, text_of
+from dualwinch.simulation.batch.task import SourceLoader
 from dualwinch.simulation.experiment import Experiment
 
 PartType = TypeVar("PartType", bound=type[Part])
@@ -145,37 +145,21 @@ def _from_name(name: str) -> ModuleType:
         raise ConfigurationError(f"plugin {name}: {_reason(error, None)}") from error
 
 
-class _Source(InspectLoader):
-    """A loader that keeps the text it has read, so that a changed file is noticed."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.text = path.read_bytes()
-
-    def is_source_of(self, module: ModuleType) -> bool:
-        """Whether a module was made from the same text."""
-        return isinstance(module.__loader__, _Source) and module.__loader__.text == self.text
-
-    def get_source(self, fullname: str) -> str:  # noqa: ARG002
-        return importlib.util.decode_source(self.text)
-
-    def get_code(self, fullname: str) -> Any:
-        return self.source_to_code(self.get_source(fullname), str(self._path))  # pyright: ignore[reportArgumentType]
-
-
 def _from_file(path: Path) -> ModuleType:
     """The module of a file, under a unique name; imported again if its text has changed."""
     path = path.resolve()
     name = f"{PLUGIN}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
     try:
-        loader = _Source(path)
+        text = importlib.util.decode_source(path.read_bytes())
     except OSError as error:
         raise ConfigurationError(f"plugin {path}: cannot be read ({error.strerror})") from error
+    except (SyntaxError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"plugin {path.name}: {_reason(error, path)}") from error
     loaded_module = sys.modules.get(name)
-    if loaded_module is not None and loader.is_source_of(loaded_module):
+    if loaded_module is not None and text_of(loaded_module) == text:
         return loaded_module
+    loader = SourceLoader(str(path), text)
     module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=str(path)))
-    module.__file__ = str(path)
     sys.modules[name] = module
     sys.path.append(str(path.parent))  # last, so that no file beside it hides an installed module
     try:

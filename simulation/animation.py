@@ -106,9 +106,6 @@ DRUM, DRUM_GAP = 24.0, 64.0
 WATER, BED, HULL = "#EAF3F8", "#D8CDB8", "#34516B"
 SLACK = "#B9B9B9"
 
-SHOWN_SAG = 20.0
-"""Maximum height of an enlarged sag in pixels."""
-
 ARROW = 60.0
 """Length of the arrow of the largest disturbance in pixels."""
 
@@ -211,9 +208,9 @@ def _rail(parent: Element, machine: Machine) -> None:
 
 
 def sag_enlargement(machine: Machine, frames: Frames) -> float:
-    """Power of ten by which sags are enlarged to be visible; 1 if they are visible to scale."""
+    """Power of ten by which sags are enlarged to be visible, within a drum's radius; 1 if they are visible to scale."""
     largest = max((float(frames[name].max()) for name in SAGS if name in frames), default=0.0) * machine.scale
-    return 10.0 ** max(np.floor(np.log10(SHOWN_SAG / largest)), 0.0) if largest > 0 else 1.0
+    return 10.0 ** max(np.floor(np.log10(DRUM / largest)), 0.0) if largest > 0 else 1.0
 
 
 def _rope(

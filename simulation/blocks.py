@@ -1,7 +1,7 @@
 """Export controller, plant and closed loop as blocks for other tools, with the equations that `simulate` runs."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, get_args
 
@@ -94,12 +94,6 @@ def reference_inputs(controller: Controller) -> Facts:
     return {name: (quantity, ANY) for name, quantity in (of_now | ahead).items()}
 
 
-def _setpoint(wanted: Sequence[Scalar], times: Sequence[float]) -> Previewed:
-    """The setpoint made of the inputs of `reference_inputs`."""
-    points = [Setpoint(*wanted[start : start + 3]) for start in range(0, len(wanted), 3)]
-    return Previewed(**vars(points[0]), known=dict(zip(times, points[1:], strict=True)))
-
-
 def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the controller: from sensor values and reference to torques and internal signals."""
     parts = symbolic_parts(experiment, symbols)
@@ -107,10 +101,12 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     state, sensed = _new(leaves(start)), _new(describe(Measurement))
     references = reference_inputs(experiment.controller)
     setpoints = _new(references)
+    elements = iter(setpoints.values())
+    point, *ahead = (Setpoint(*each) for each in zip(elements, elements, elements, strict=True))
     following, output = controller_step(
         with_leaves(start, state),
         Measurement(**sensed),
-        _setpoint(list(setpoints.values()), experiment.controller.preview),
+        Previewed(**vars(point), known=dict(zip(experiment.controller.preview, ahead, strict=True))),
         parts.controller,
         with_leaves(structure_of(experiment).nominal, symbols, "nominal."),
         symbols["simulation.sample_time"],

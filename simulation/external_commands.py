@@ -1,5 +1,6 @@
 """External commands in place of the controller's: a force, or the torques of both motors."""
 
+import sys
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, TypeAlias, get_args
 
@@ -14,7 +15,7 @@ from dualwinch.simulation.experiment import Experiment
 CommandName: TypeAlias = Literal["torques", "force"]
 COMMANDS: tuple[CommandName, ...] = get_args(CommandName)
 
-ROUNDING = 1e-9
+ROUNDING = sys.float_info.epsilon**0.5
 """Relative distance from its limit at which a torque still counts as saturated, as it may have been rounded."""
 
 

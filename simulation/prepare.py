@@ -7,12 +7,10 @@ import math
 import os
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.limits import Limits
 from dualwinch.model.arguments import instance
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
@@ -21,12 +19,9 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import check_rules
 from dualwinch.model.reference import Reference, cruise_speed, setpoint
 from dualwinch.model.ropes import Track
-from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
-from dualwinch.simulation.integrators import INTEGRATORS
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import (
-    DISTRIBUTED,
-    KEPT_STRUCTURES,
     LoopStructure,
     is_automatic,
     parameters_of,
@@ -34,7 +29,6 @@ from dualwinch.simulation.loop.structure import (
     stable_substeps,
     stiffest_mode,
     structure_of,
-    swing_rates,
     zeros_of,
 )
 from dualwinch.simulation.sensors import delays_beyond_memory
@@ -79,7 +73,7 @@ class PreparedExperiment:
         return np.array(list(self.start.values()))
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
+@lru_cache
 def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExperiment:
     """Check that an experiment's values are consistent, and prepare it for running.
 
@@ -191,7 +185,7 @@ def _check_reference(experiment: Experiment) -> None:
         )
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
+@lru_cache
 def _position_at(t: float, reference: Reference) -> float:
     """Reference position in m; cached, as the scenarios of an ensemble share their reference."""
     return float(setpoint(t, reference).x)
@@ -222,20 +216,6 @@ def _check_substeps(experiment: Experiment) -> None:
             f"simulation.substeps = {substeps}: must be >= {needed} for {integrator} at "
             f"simulation.sample_time = {simulation.sample_time:g} s ({stiffest_mode(plant, integrator, limits)})"
         )
-
-
-def fastest_swing(plant: Plant, integrator: IntegratorName = DISTRIBUTED, limits: Limits | None = None) -> Any:
-    """Rate in rad/s of ropes with their winches, or of a vehicle on its bristles, that limits an integrator's step.
-
-    For Kelvin–Voigt ropes; an array if the plant's numbers are arrays. By default with the paper's limits on tensions,
-    and for the integrator with the largest rates, an upper bound for the others.
-    """
-    return np.maximum.reduce(np.broadcast_arrays(*swing_rates(plant, integrator, limits or Limits()).values()))
-
-
-def substeps_for(fastest: Any, simulation: Simulation, integrator: str) -> Any:
-    """Sub-steps per sample, not rounded, that an integrator needs for an oscillation in rad/s."""
-    return fastest * simulation.sample_time / INTEGRATORS[integrator].reach
 
 
 def check_memory(samples: int, stride: int, columns: int) -> None:

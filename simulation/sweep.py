@@ -22,7 +22,7 @@ from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
 from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, law_label
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import Progress, no_progress, part
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.file_formats import FileContent
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import current, leaf_of, override
@@ -179,9 +179,6 @@ def in_short(value: Any) -> str:
 
 Floats = NDArray[np.float64]
 
-PREPARING = 0.3
-"""Share of the time that goes into making the experiments of a large sweep."""
-
 
 def sweep(
     experiment: Experiment,
@@ -227,10 +224,9 @@ def sweep(
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))
     experiments = np.empty(shape, dtype=object)
-    for count, (index, point) in enumerate(zip(np.ndindex(shape), product(*grid.values()), strict=True)):
-        progress(PREPARING * count / experiments.size)
+    for index, point in zip(np.ndindex(shape), product(*grid.values()), strict=True):
         experiments[index] = _point(experiment, dict(zip(grid, point, strict=True)))
-    runs = run_grid(experiments, workers=workers, progress=part(progress, PREPARING, 1.0))
+    runs = run_grid(experiments, workers=workers, progress=progress)
     edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
     return Sweep(
         runs.outcomes,
@@ -350,9 +346,6 @@ def spans_decades(values: Floats) -> bool:
 MARKS = {"diverged": "x", "left_track": ">", "not_run": "."}
 """Outcome of an incomplete run → marker."""
 
-WRITTEN = 60
-"""Maximum number of cells with their values written in them."""
-
 
 def sweep_figure(result: Sweep, metric: str, *, ax: GivenAxes = None) -> "Figure":
     """Draw a sweep; see `Sweep.plot`.
@@ -411,7 +404,7 @@ def _map(axes: "Axes", along: list[SweptAxis], values: Floats, name: str) -> Non
     cells = axes.pcolormesh(across.edges, up.edges, values.T, norm=scale, cmap="viridis")
     bar = axes.figure.colorbar(cells, ax=axes, label=name)
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  # the stub has no Spine here
-    if values.size <= WRITTEN:
+    if across.words and up.words:  # few values
         for i, j in zip(*np.nonzero(np.isfinite(values)), strict=True):
             colour = "white" if scale(values[i, j]) < 0.6 else INK
             centred = {"ha": "center", "va": "center", "color": colour, "size": 7}

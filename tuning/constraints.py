@@ -350,7 +350,7 @@ def _checked(constraint: Constraint) -> Constraint:
         if statistic.margin == "phase" and bound > MOST_PHASE:
             raise ConfigurationError(f"--constraint {text}: must be at most {MOST_PHASE:g}{unit}, half a turn")
         return constraint
-    lower, upper = statistic.quantity.least, statistic.quantity.most
+    lower, upper = statistic.quantity.lower, statistic.quantity.upper
     if not constraint.at_least and bound < lower:
         raise ConfigurationError(f"--constraint {text}: nothing satisfies it, no run has less than {lower:g}{unit}")
     if not constraint.at_least and not constraint.reference and bound > upper:
@@ -364,7 +364,7 @@ def _sign(statistic: Statistic | MarginStatistic) -> str:
 
 
 def _is_own(statistic: Statistic | MarginStatistic) -> bool:
-    return isinstance(statistic, Statistic) and statistic.own is not None
+    return isinstance(statistic, Statistic) and statistic.part is not None
 
 
 def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None = None) -> float:

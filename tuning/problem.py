@@ -99,7 +99,7 @@ class TuningProblem:
             for statistic in (*self.objectives, *(constraint.statistic for constraint in self.constraints)):
                 if (
                     isinstance(statistic, Statistic)
-                    and statistic.own is None
+                    and statistic.part is None
                     and statistic.metric.startswith(STEADY_PREFIX)
                 ):
                     raise ConfigurationError(

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-SHARE = 0.01
-"""Relative step of a parameter for first-order changes."""
-
 
 @dataclass(frozen=True)
 class Step:
@@ -61,8 +58,8 @@ class Effects:
         descriptions, steps = described(self.experiment), {}
         for key, value in self.values.items():
             ends = [abs(end) for end in descriptions[key].bounds if math.isfinite(end) and end]
-            step = SHARE * (abs(value) or max(ends, default=1 / SHARE))
-            steps[key] = Step(value, descriptions[key].quantity.unit, step)
+            percent = (abs(value) or max(ends, default=100.0)) / 100
+            steps[key] = Step(value, descriptions[key].quantity.unit, percent)
         return steps
 
     def to_record(self) -> dict[str, Any]:

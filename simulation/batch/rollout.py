@@ -2,10 +2,9 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -70,7 +69,7 @@ class ParameterScenarioGrid:
         self._scenarios = scenarios
         self._groups = groups = check_batch(self.names, self.values, scenarios)
         self.shared = groups[0].experiment
-        drawn_keys = frozenset[str]().union(*(group.drawn for group in groups))
+        drawn_keys = frozenset[str]().union(*(group.drawn_keys for group in groups))
         nonzero = {key for group in groups for key, column in group.columns.items() if column.any()}
         self.structure = structure_of(self.shared)
         if zeros is None:
@@ -109,9 +108,10 @@ class ParameterScenarioGrid:
                 numbers[name] = self.values[:, [self.names.index(name)]]
         return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.shared.metrics)
 
-    def portions(self, size: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """Split into parts of about `size` pairs: indices of sets and of scenarios, whose pairs are one part."""
+    def portions(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Split into parts that are worth sending: indices of sets and of scenarios, whose pairs are one part."""
         sets, scenarios = self.shape
+        size = portion_of(sets * scenarios)
         together = max(1, size // sets)
         for scene in range(0, scenarios, together):
             for start in range(0, sets, size):
@@ -276,17 +276,11 @@ def _batch(
         for places, together, report in by_structure(scenarios, progress, alike=alike)
     ]
     result = _empty_result(parts[0][0], len(scenarios), stride)
-    if isinstance(workers, Executor):
-        tasks = (
-            (np.ix_(sets, places[scenes]), (*pairs.part(sets, scenes), stride, max_slack))
-            for pairs, places, _ in parts
-            for sets, scenes in pairs.portions(portion_of(pairs.shape[0] * pairs.shape[1]))
-        )
-        return replace(result, interrupted=not fill_on_workers(workers, rollout_portion, tasks, result, progress))
-    threads = threads_of(workers)
-    is_complete = all(
-        _rollout(pairs, result, places, stride, max_slack, threads, report) for pairs, places, report in parts
-    )
+
+    def run_here(pairs: ParameterScenarioGrid, places: NDArray[np.int64], report: Progress) -> bool:
+        return _rollout(pairs, result, places, stride, max_slack, threads_of(workers), report)
+
+    is_complete = fill(result, parts, run_here, rollout_portion, (stride, max_slack), workers, progress)
     return replace(result, interrupted=not is_complete)
 
 
@@ -298,29 +292,42 @@ def _empty_result(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> 
     return BatchResult(none.outcomes, none.end_times, none.metrics, columns)
 
 
-def fill_on_workers(
-    executor: Executor,
-    work: Callable[..., RunOutcomes],
-    tasks: Iterable[tuple[tuple[NDArray[np.int64], ...], tuple[Any, ...]]],
-    found: RunOutcomes,
+def fill(
+    result: RunOutcomes,
+    grids: Sequence[tuple[Any, NDArray[np.int64], Progress]],
+    run_here: Callable[[Any, NDArray[np.int64], Progress], bool],
+    run_portion: Callable[..., RunOutcomes],
+    options: tuple[Any, ...],
+    workers: Workers,
     progress: Progress,
 ) -> bool:
-    """Compute portions of a result on an executor's workers and store them in it; False if interrupted.
+    """Fill in a result, grid by grid on this machine or in portions on an executor's workers; False if interrupted.
 
-    Each task consists of the indices of a portion in the result and the arguments of `work`.
+    Args:
+        result: to be filled in.
+        grids: each grid, which divides itself by `portions` and `part`, with the places of its scenarios in the result
+            and its receiver of progress.
+        run_here: runs such a grid; False if interrupted.
+        run_portion: runs a portion, from the arguments that `part` gives and the `options`.
+        options: further arguments of a portion.
+        workers: number of threads, or an executor.
+        progress: receiver of an executor's progress.
     """
+    if not isinstance(workers, Executor):
+        return all(run_here(*each) for each in grids)
     places, run_count = list[tuple[NDArray[np.int64], ...]](), 0
 
-    def arguments() -> Iterator[tuple[Any, ...]]:
-        for place, portion_arguments in tasks:
-            places.append(place)
-            yield portion_arguments
+    def tasks() -> Iterator[tuple[Any, ...]]:
+        for grid, columns, _ in grids:
+            for sets, scenes in grid.portions():
+                places.append(np.ix_(sets, columns[scenes]))
+                yield (*grid.part(sets, scenes), *options)
 
     try:
-        for number, portion in spread(executor, work, arguments()):
-            found.put(places[number], portion)
+        for number, portion in spread(workers, run_portion, tasks()):
+            result.put(places[number], portion)
             run_count += portion.outcomes.size
-            progress(run_count / found.outcomes.size)
+            progress(run_count / result.outcomes.size)
     except KeyboardInterrupt:
         return False
     return True
@@ -343,7 +350,7 @@ def rollout_portion(
 
 def _rollout(
     pairs: ParameterScenarioGrid,
-    found: BatchResult,
+    result: BatchResult,
     places: NDArray[np.int64],
     stride: int,
     max_slack: float | None,
@@ -371,17 +378,17 @@ def _rollout(
         busy, (sets, scenes) = slice(len(indices)), indices.T
         final[:, sets, scenes] = state[busy, summed].T
         at = sets, places[scenes]
-        for index, name in enumerate(found.columns):
-            found.columns[name][at] = rows[busy, :, index]
-        found.end_times[at] = samples_run[busy] * simulation.sample_time
-        found.outcomes[at] = words_of(outcome[busy])
+        for index, name in enumerate(result.columns):
+            result.columns[name][at] = rows[busy, :, index]
+        result.end_times[at] = samples_run[busy] * simulation.sample_time
+        result.outcomes[at] = words_of(outcome[busy])
 
     blocks = [pairs.indices[start : start + lanes] for start in range(0, len(pairs.indices), lanes)]
     completed_all = run_all([lambda indices=indices: block(indices) for indices in blocks], threads, progress)
-    completed = found.completed[:, places]
+    completed = result.completed[:, places]
     metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=completed, own=pairs.metrics)
     for name, values in vars(metrics).items():
-        found.metrics[name][:, places] = values
+        result.metrics[name][:, places] = values
     return completed_all
 
 
@@ -417,16 +424,6 @@ def _single_run(
 
 BLOCKS = 2
 """Blocks of lanes per thread and portion: with only one, threads that finish early would wait for the others."""
-
-
-def in_portions(scenarios: Iterable[Scenario], size: int) -> Iterator[list[Scenario]]:
-    """Scenarios in lists of `size`, the last one shorter; each list is drawn while the one before runs."""
-    stream = iter(scenarios)
-    with ThreadPoolExecutor(1) as pool:
-        following = pool.submit(lambda: list(islice(stream, size)))
-        while portion := following.result():
-            following = pool.submit(lambda: list(islice(stream, size)))
-            yield portion
 
 
 def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]:

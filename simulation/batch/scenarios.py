@@ -31,9 +31,10 @@ from dualwinch.simulation.loop.structure import (
     solver_of,
     stable_substeps,
     structure_of,
+    substeps_for,
     symbolic_parts,
 )
-from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.sensors import DELAYS, delays_beyond_memory
@@ -60,14 +61,14 @@ class ScenarioGroup:
         members: their indices in the batch, (n,).
         experiment: their common experiment; numbers in which they differ are placeholders.
         nominal: the plant their controllers were designed for; None: that of the experiment.
-        drawn: keys of all drawn values.
+        drawn_keys: keys of all drawn values.
         columns: key → the members' own numbers, (n,).
     """
 
     members: NDArray[np.int64]
     experiment: Experiment
     nominal: Plant | None
-    drawn: frozenset[str]
+    drawn_keys: frozenset[str]
     columns: dict[str, NDArray[Any]]
 
     @cached_property
@@ -124,7 +125,7 @@ def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
                 members=np.array(places),
                 experiment=_having(drawn[places[0]], places[0], {*shaping_keys, *shaping}),
                 nominal=example.nominal,
-                drawn=frozenset(example.draws),
+                drawn_keys=frozenset(example.draws),
                 columns={key: np.array([drawn[place].draws[key] for place in places]) for key in columns},
             )
 
@@ -206,8 +207,8 @@ def _violations(group: ScenarioGroup) -> Iterator[Any]:
     yield from delays_beyond_memory(parts.sensors, simulation.sample_time).values()
     if not is_automatic(group.experiment):
         solver = solver_of(group.experiment)
-        fastest = fastest_swing(parts.plant, solver.integrator, group.experiment.controller.limits)
-        yield ~(substeps_for(fastest, simulation, solver.integrator) <= solver.substeps)
+        limits = group.experiment.controller.limits
+        yield ~(substeps_for(parts.plant, simulation, solver.integrator, limits) <= solver.substeps)
     start_states = starts(structure_of(group.experiment), group.vectors, group.experiment.reference.start)
     yield ~np.isfinite(start_states).all(axis=1)
 

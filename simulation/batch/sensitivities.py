@@ -1,7 +1,7 @@
 """Sensitivities of runs: exact derivatives of error, other columns and figures of merit with respect to parameters."""
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -19,7 +19,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, fill_on_workers
+from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, fill
 from dualwinch.simulation.batch.scenarios import Scenarios, by_structure, check_shape, experiment_of
 from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, threads_of
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
@@ -196,7 +196,7 @@ class TangentSeeds:
         return tangents
 
 
-COMPLEX_STEP = 1e-100
+COMPLEX_STEP = sys.float_info.min**0.5
 """Step of the complex-step derivative, which is exact, as nothing is subtracted."""
 
 FRAME = "simulation.jitter", "sensors.position_bias"
@@ -284,15 +284,8 @@ def sensitivities(
         for places, together, report in by_structure(scenarios, progress)
     ]
     result = _empty_result(parts[0][0], len(scenarios), unique_columns, stride)
-    if isinstance(workers, Executor):
-        tasks = (
-            (np.ix_(sets, places[scenes]), (*seeds.part(sets, scenes), unique_columns, stride))
-            for seeds, places, _ in parts
-            for sets, scenes in seeds.portions()
-        )
-        return replace(result, interrupted=not fill_on_workers(workers, sensitivities_portion, tasks, result, progress))
 
-    def complete(seeds: TangentSeeds, places: NDArray[np.int64], report: Progress) -> bool:
+    def run_here(seeds: TangentSeeds, places: NDArray[np.int64], report: Progress) -> bool:
         run = _compiled(seeds, unique_columns)
         jobs = [
             partial(_differentiate, run, seeds, (i, j), stride, result, (i, int(places[j])))
@@ -300,7 +293,9 @@ def sensitivities(
         ]
         return run_all(jobs, threads_of(workers), report)
 
-    return replace(result, interrupted=not all(complete(*part) for part in parts))
+    options = unique_columns, stride
+    is_complete = fill(result, parts, run_here, sensitivities_portion, options, workers, progress)
+    return replace(result, interrupted=not is_complete)
 
 
 def sensitivities_portion(

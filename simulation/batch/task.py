@@ -256,20 +256,20 @@ class _Finder(MetaPathFinder):
     def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG002
         """The specification of a module that came with a task."""
         source = self._sources.get(fullname)
-        return ModuleSpec(fullname, _Loader(source), origin=source.file) if source else None
+        return ModuleSpec(fullname, SourceLoader(source.file, source.text), origin=source.file) if source else None
 
 
-class _Loader(InspectLoader):
-    """Loads a module from its source, and keeps the source."""
+class SourceLoader(InspectLoader):
+    """Loads a module from the text of a file, and keeps the text (`model.quantities.part.text_of`)."""
 
-    def __init__(self, source: ModuleSource) -> None:
-        self._source = source
+    def __init__(self, file: str, text: str) -> None:
+        self._file, self._text = file, text
 
     def get_source(self, fullname: str) -> str:  # noqa: ARG002
-        """The source."""
-        return self._source.text
+        """The text."""
+        return self._text
 
     def exec_module(self, module: ModuleType) -> None:
         """Execute the module under the name of its original file."""
-        module.__file__ = self._source.file
-        exec(compile(self._source.text, self._source.file, "exec"), vars(module))  # noqa: S102
+        module.__file__ = self._file
+        exec(compile(self._text, self._file, "exec"), vars(module))  # noqa: S102

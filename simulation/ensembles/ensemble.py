@@ -148,9 +148,6 @@ deviation, the nodes of the two-point Gauss-Legendre rule.
 With every value at an end of its range, a scenario would lie twice as far from the middle as any draw of many values.
 """
 
-AT_ONCE = 64
-"""Scenarios drawn together, enough to make each of them cheap."""
-
 
 @dataclass(frozen=True)
 class Drawn:
@@ -272,6 +269,5 @@ class Ensemble:
         return replace(self, experiment=changed)
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
-        """Draw the first `count` scenarios one by one."""
-        for start in range(0, count, AT_ONCE):
-            yield from self.chosen(range(start, min(start + AT_ONCE, count)), seed)
+        """Draw the first `count` scenarios."""
+        return iter(self.chosen(range(count), seed))

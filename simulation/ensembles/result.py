@@ -51,12 +51,12 @@ class Statistic:
     Attributes:
         kind: one of `STATISTIC_KINDS`.
         metric: name of the figure of merit.
-        own: the user's metric, unless it is a built-in one.
+        part: the user's metric, unless it is a built-in one.
     """
 
     kind: str
     metric: str
-    own: Metric | None = None
+    part: Metric | None = None
 
     @property
     def name(self) -> str:
@@ -71,7 +71,7 @@ class Statistic:
     @property
     def quantity(self) -> MetricQuantity:
         """Metadata of the figure of merit."""
-        return metric_quantities([self.own] if self.own else [])[self.metric]
+        return metric_quantities([self.part] if self.part else [])[self.metric]
 
     @property
     def unit(self) -> str:
@@ -251,15 +251,8 @@ class EnsembleResult(RunOutcomes):
         }
 
 
-BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
-"""Lower and upper quantile of a band, and its opacity."""
-
-ALL_SHADE = 0.12
-"""Opacity of the band from the smallest to the largest value."""
-
-
-SEEN = {"50 %": 0.68, "90 %": 0.37, "all scenarios": ALL_SHADE}
-"""Apparent opacity of the overlapping bands, for the legend."""
+BANDS = {"all scenarios": (0.0, 1.0, 0.12), "90 %": (0.05, 0.95, 0.28), "50 %": (0.25, 0.75, 0.5)}
+"""Band → its lower and upper quantile, and its opacity over those before it."""
 
 
 def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> "Figure":
@@ -311,17 +304,14 @@ def _headings(result: EnsembleResult) -> tuple[str, str]:
 
 
 def _fan(axes: "Axes", traces: Traces, column: str, unit: float, colour: str) -> None:
-    def band(low: NDArray[Any], high: NDArray[Any], alpha: float) -> None:
-        axes.fill_between(traces.t, low / unit, high / unit, color=colour, alpha=alpha, linewidth=0)
-
     (median,) = traces.quantiles(column, (0.5,)) / unit
     axes.plot(traces.t, median, color=INK, linewidth=0.9, label="median")
-    for label, alpha in SEEN.items():
-        axes.fill_between([], [], color=colour, alpha=alpha, linewidth=0, label=label)
-    band(traces.lowest[column], traces.highest[column], ALL_SHADE)
-    for low, high, darkness in BANDS:
-        below, above = traces.quantiles(column, (low, high))
-        band(below, above, darkness)
+    apparent = 1 - np.cumprod([1 - opacity for _, _, opacity in BANDS.values()])
+    for label, opacity in zip(BANDS, apparent.tolist(), strict=True):
+        axes.fill_between([], [], color=colour, alpha=opacity, linewidth=0, label=label)
+    for low, high, opacity in BANDS.values():
+        ends = traces.quantiles(column, (low, high)) if low > 0 else (traces.lowest[column], traces.highest[column])
+        axes.fill_between(traces.t, ends[0] / unit, ends[1] / unit, color=colour, alpha=opacity, linewidth=0)
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:

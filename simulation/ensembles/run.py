@@ -10,26 +10,21 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.arguments import instance, whole_number
-from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
+from dualwinch.simulation.batch.rollout import BatchResult, portion_size, rollout
 from dualwinch.simulation.batch.workers import Workers, in_order, portion_of, spread, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
+from dualwinch.simulation.plots.traces import PIXEL_COLUMNS
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress, part
 from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, concatenated
-from dualwinch.simulation.scenario import Scenario, Value
+from dualwinch.simulation.scenario import Value
 
 TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
 
 SAMPLED = 2000
-"""Number of first scenarios whose traces are kept individually (12 MB); for all others, only the extremes are."""
-
-TRACE_POINTS = 500
-"""Maximum number of instants of a trace."""
-
-LARGEST_TRACED = 1e30
-"""Limit on the magnitude of traces, within the range of single precision."""
+"""Number of first scenarios whose traces are kept individually (22 MB); for all others, only the extremes are."""
 
 
 def run_ensemble(
@@ -65,7 +60,7 @@ def run_ensemble(
         >>> result.completed.sum()
         np.int64(8)
     """
-    (result,) = run_side_by_side([ensemble], scenarios, seed, TRACE_POINTS if traces else 0, workers, progress)
+    (result,) = run_side_by_side([ensemble], scenarios, seed, PIXEL_COLUMNS if traces else 0, workers, progress)
     return result
 
 
@@ -141,22 +136,29 @@ def portions_of(
     """
     check_counts(ensembles, scenarios, seed)
     size, threads = portion_size(ensembles[0].experiment, threads_of(workers))
-    stride = -(-ensembles[0].experiment.samples // points) if points else 0
     if isinstance(workers, Executor):
         size = portion_of(scenarios)
-        portions = [range(start, min(start + size, scenarios)) for start in range(0, scenarios, size)]
+    stride = -(-ensembles[0].experiment.samples // points) if points else 0
+    portions = [range(start, min(start + size, scenarios)) for start in range(0, scenarios, size)]
+    if isinstance(workers, Executor):
         tasks = ((ensembles, indices, seed, stride, reduced) for indices in portions)
         for indices, portion in zip(portions, in_order(spread(workers, ensemble_portion, tasks)), strict=True):
             yield portion
             progress(indices.stop / scenarios)
         return
-    for portion in zip(*(in_portions(each.scenarios(scenarios, seed), size) for each in ensembles), strict=True):
-        report = part(progress, portion[0][0].index / scenarios, (portion[0][-1].index + 1) / scenarios)
-        ran = _run_portion(portion, stride, threads, report)
-        finished = min(map(_finished, ran)) if len(ran) == len(portion) else 0
+    for indices in portions:
+        runs = _run_portion(
+            ensembles,
+            indices,
+            seed,
+            stride,
+            threads,
+            part(progress, indices.start / scenarios, indices.stop / scenarios),
+        )
+        finished = min(map(_finished, runs)) if len(runs) == len(ensembles) else 0
         if finished:
-            yield reduced(_portion(portion[0][:finished], ran))
-        if ran[-1].interrupted:
+            yield reduced(_portion(ensembles[0], indices[:finished], seed, runs))
+        if runs[-1].interrupted:
             return
 
 
@@ -177,37 +179,38 @@ def ensemble_portion(
     reduced: Callable[[EnsemblePortion], Reduced],
 ) -> Reduced:
     """Draw scenarios by index and run them with every ensemble, on one thread of a worker."""
-    scenarios_of_ensembles = [ensemble.chosen(indices, seed) for ensemble in ensembles]
-    return reduced(_portion(scenarios_of_ensembles[0], _run_portion(scenarios_of_ensembles, stride, 1, no_progress)))
-
-
-def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> EnsemblePortion:
-    """Results of the first scenarios that every ensemble has finished, with only the outcomes and traces to keep."""
-    finished, sampled = len(scenarios), max(0, SAMPLED - scenarios[0].index)
-    return EnsemblePortion(
-        draws=[tuple(scenario.draws.values()) for scenario in scenarios],
-        runs=[
-            RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished)) for run in ran
-        ],
-        traces=[_traces(run, finished, sampled) for run in ran],
+    return reduced(
+        _portion(ensembles[0], indices, seed, _run_portion(ensembles, indices, seed, stride, 1, no_progress))
     )
 
 
-def _run_portion(portion: Sequence[list[Scenario]], stride: int, threads: int, progress: Progress) -> list[BatchResult]:
+def _portion(ensemble: Ensemble, indices: range, seed: int, runs: Sequence[BatchResult]) -> EnsemblePortion:
+    """Results of the first scenarios that every ensemble has finished, with only the outcomes and traces to keep."""
+    count, sampled = len(indices), max(0, SAMPLED - indices.start)
+    return EnsemblePortion(
+        draws=[tuple(scenario.draws.values()) for scenario in ensemble.chosen(indices, seed)],
+        runs=[RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(count)) for run in runs],
+        traces=[_traces(run, count, sampled) for run in runs],
+    )
+
+
+def _run_portion(
+    ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int, threads: int, progress: Progress
+) -> list[BatchResult]:
     """Run a portion with every ensemble, up to the first interrupted run."""
-    ran: list[BatchResult] = []
-    for number, scenarios in enumerate(portion):
-        report = part(progress, number / len(portion), (number + 1) / len(portion))
-        ran.append(rollout([], np.empty((1, 0)), scenarios, stride=stride, workers=threads, progress=report))
-        if ran[-1].interrupted:
+    runs: list[BatchResult] = []
+    for number, ensemble in enumerate(ensembles):
+        report = part(progress, number / len(ensembles), (number + 1) / len(ensembles))
+        scenarios = ensemble.chosen(indices, seed)
+        runs.append(rollout([], np.empty((1, 0)), scenarios, stride=stride, workers=threads, progress=report))
+        if runs[-1].interrupted:
             break
-    return ran
+    return runs
 
 
 def _finished(run: BatchResult) -> int:
     """Number of a portion's scenarios before the first that was not run because of an interrupt."""
-    left_out = run.outcomes[0] == WORDS[Outcome.NOT_RUN]
-    return int(left_out.argmax()) if left_out.any() else len(left_out)
+    return int((run.outcomes[0] != WORDS[Outcome.NOT_RUN]).cumprod().sum())
 
 
 def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:
@@ -215,9 +218,9 @@ def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:
     completed = np.flatnonzero(run.completed[0, :finished])
     if not (run.columns and completed.size):
         return None
+    largest = float(np.finfo(np.float32).max)
     signals: dict[str, NDArray[np.float32]] = {
-        name: run.columns[name][0, completed].clip(-LARGEST_TRACED, LARGEST_TRACED).astype(np.float32)
-        for name in TRACED
+        name: run.columns[name][0, completed].clip(-largest, largest).astype(np.float32) for name in TRACED
     }
     return Traces(
         run.columns["t"][0, completed[0]],

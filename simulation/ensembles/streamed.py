@@ -30,12 +30,6 @@ from dualwinch.simulation.progress import Progress, no_progress
 
 Floats = NDArray[np.float64]
 
-BITS = 53
-"""Bits of a double's significand."""
-
-ZERO_BIN = 2**21
-"""Offset of bin numbers: bins of positive values lie above it, those of negative values below its negative."""
-
 
 @dataclass
 class ValueStream:
@@ -44,15 +38,15 @@ class ValueStream:
     Attributes:
         accuracy: maximum relative error of a quantile.
         count: number of values.
-        sums: exponent → sum of the significands, as whole numbers, of values with this exponent.
-        bins: number of a logarithmic bin → number of values in it.
+        total: their sum.
+        bins: sign, and number times sign, of a logarithmic bin → number of values in it.
         lowest, highest: extreme values.
     """
 
     accuracy: float
     count: int = 0
-    sums: Counter[int] = field(default_factory=Counter)
-    bins: Counter[int] = field(default_factory=Counter)
+    total: Fraction = Fraction()
+    bins: Counter[tuple[float, float]] = field(default_factory=Counter)
     lowest: float = math.inf
     highest: float = -math.inf
 
@@ -68,35 +62,29 @@ class ValueStream:
             return
         self.count += len(values)
         self.lowest, self.highest = min(self.lowest, float(values.min())), max(self.highest, float(values.max()))
-        significands, exponents = np.frexp(values)
-        integers = np.ldexp(significands, BITS).astype(np.int64)
-        for exponent in np.unique(exponents).tolist():
-            self.sums[exponent] += sum(integers[exponents == exponent].tolist())
-        with np.errstate(divide="ignore"):
-            numbers = np.ceil(np.log(np.abs(values)) / math.log(self._base))
-        numbers = np.where(values == 0, 0, np.sign(values) * (ZERO_BIN + np.where(values == 0, 0, numbers)))
-        for number, count in zip(*np.unique(numbers.astype(np.int64), return_counts=True), strict=True):
-            self.bins[int(number)] += int(count)
+        self.total += sum(map(Fraction, values.tolist()))
+        signs, sizes = np.sign(values), np.where(values == 0, 1.0, np.abs(values))
+        numbers = signs * np.ceil(np.log(sizes) / math.log(self._base))
+        self.bins.update(zip(signs.tolist(), numbers.tolist(), strict=True))
 
     def merge(self, other: "ValueStream") -> None:
         """Add the values of another stream."""
         self.count += other.count
-        self.sums.update(other.sums)
+        self.total += other.total
         self.bins.update(other.bins)
         self.lowest, self.highest = min(self.lowest, other.lowest), max(self.highest, other.highest)
 
     @property
     def mean(self) -> float:
         """The mean, rounded once."""
-        parts = (Fraction(total) * Fraction(2) ** (exponent - BITS) for exponent, total in self.sums.items())
-        return float(sum(parts, Fraction()) / self.count)
+        return float(self.total / self.count)
 
     def quantile(self, share: float) -> float:
         """A quantile, interpolated between two values that are each known to within `accuracy`."""
-        rank, numbers = share * (self.count - 1), sorted(self.bins)
-        upto = np.cumsum([self.bins[number] for number in numbers])
+        rank, bins = share * (self.count - 1), sorted(self.bins)
+        upto = np.cumsum([self.bins[each] for each in bins])
         below, above = (
-            self._centre(numbers[np.searchsorted(upto, bracket, side="right")])
+            self._centre(*bins[np.searchsorted(upto, bracket, side="right")])
             for bracket in (math.floor(rank), math.ceil(rank))
         )
         return below + (above - below) * (rank % 1)
@@ -106,15 +94,13 @@ class ValueStream:
         """The exponential of the mean logarithm, known to within `accuracy`."""
         counts = np.array(list(self.bins.values()))
         with np.errstate(divide="ignore", invalid="ignore"):
-            logarithms = np.log([self._centre(number) for number in self.bins])
+            logarithms = np.log([self._centre(*each) for each in self.bins])
             return float(np.exp(np.average(logarithms, weights=counts)))
 
-    def _centre(self, number: int) -> float:
+    def _centre(self, sign: float, number: float) -> float:
         """The value that represents a bin."""
-        if number == 0:
-            return 0.0
-        value = 2 * self._base ** (abs(number) - ZERO_BIN) / (self._base + 1)
-        return min(max(math.copysign(value, number), self.lowest), self.highest)
+        value = sign * 2 * self._base ** (sign * number) / (self._base + 1)
+        return min(max(value, self.lowest), self.highest)
 
     def statistic(self, kind: str, *, small_is_bad: bool) -> float:
         """One of `ensembles.result.STATISTIC_KINDS`; NaN without values."""

@@ -1,6 +1,7 @@
 """Exogenous signals of a run, drawn or read sample by sample, and their derivatives with respect to parameters."""
 
 import hashlib
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal  # its exp gives the same bits everywhere
@@ -35,10 +36,10 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.sensors import Sensors, silence_of
 
-DIGITS = 53
+DIGITS = sys.float_info.mant_dig
 """Bits of a draw and of a drawn seed: the precision of a float, which every file format can store."""
 
-LARGEST_WORD = 2**64 - 1
+LARGEST_WORD = np.iinfo(np.uint64).max
 """Largest seed, and largest index in a stream."""
 
 
@@ -81,9 +82,6 @@ Floats: TypeAlias = NDArray[np.float64]
 
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 """Columns of a single experiment: none."""
-
-MOST_SAMPLES = 2**31 - 1
-"""Longest outage, and longest period of outages, in samples."""
 
 
 class GaussMarkovSignal(NamedTuple):
@@ -151,7 +149,7 @@ def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] =
         signals["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))
     if silence_of(sensors):
         period, length = (
-            np.clip(np.rint(np.divide(time, sample_time)), 1, MOST_SAMPLES).astype(np.int64)
+            np.clip(np.rint(np.divide(time, sample_time)), 1, np.iinfo(np.int32).max).astype(np.int64)
             for time in (sensors.outage_period, sensors.outage_length)
         )
         signals["noise.silent"] = OutageSignal(seed, stream_number("noise.silent"), period, length)

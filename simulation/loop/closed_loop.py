@@ -175,7 +175,7 @@ class LoopState:
 class Timing:
     """Timing of samples with jitter."""
 
-    late: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
+    lateness: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
 
 
 def initial_loop_state(structure: LoopStructure, parts: Any = None, x: Scalar = 0.0) -> LoopState:
@@ -254,7 +254,7 @@ def _instant(
     t = state.sample * sample_time
     if not isinstance(state.timing, Timing):
         return t, sample_time, exogenous.reference, state.timing
-    lateness, following = state.timing.late, jitter * exogenous.noise.lateness
+    lateness, following = state.timing.lateness, jitter * exogenous.noise.lateness
     return t + lateness, sample_time + (following - lateness), exogenous.reference.ahead(lateness), Timing(following)
 
 

@@ -8,6 +8,8 @@ from functools import cache, lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.limits import Limits
@@ -16,7 +18,7 @@ from dualwinch.model.actuators import Actuator
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, blank_state, is_distributed, plant_structure, remembers_friction
-from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
 from dualwinch.model.ropes import is_kelvin_voigt, kelvin_voigt
@@ -45,7 +47,7 @@ FINE = 0.5
 OVERSHOOT = 1.5
 """Tension up to which automatic sub-steps are short enough, as a multiple of tension_max."""
 
-MOST_SUBSTEPS = 256
+MOST_SUBSTEPS = int(describe(Simulation)["substeps"].bounds[1])
 """Maximum number of sub-steps per sample."""
 
 
@@ -126,8 +128,7 @@ def stable_substeps(plant: Plant, simulation: Simulation, integrator: Integrator
         ConfigurationError: it is more than `MOST_SUBSTEPS`.
         OverflowError: a number of the plant overflows.
     """
-    rates = swing_rates(plant, integrator, limits)
-    needed = math.ceil(max(map(float, rates.values())) * simulation.sample_time / INTEGRATORS[integrator].reach)
+    needed = math.ceil(float(substeps_for(plant, simulation, integrator, limits)))
     if needed > MOST_SUBSTEPS:
         mode = stiffest_mode(plant, integrator, limits)
         allowed = MOST_SUBSTEPS * INTEGRATORS[integrator].reach / mode.rate
@@ -136,6 +137,12 @@ def stable_substeps(plant: Plant, simulation: Simulation, integrator: Integrator
             f"{MOST_SUBSTEPS} sub-steps of {integrator} ({mode})"
         )
     return needed
+
+
+def substeps_for(plant: Plant, simulation: Simulation, integrator: IntegratorName, limits: Limits) -> Any:
+    """Sub-steps per sample, not rounded, that an integrator needs for a plant; an array for a plant of arrays."""
+    fastest = np.maximum.reduce(np.broadcast_arrays(*swing_rates(plant, integrator, limits).values()))
+    return fastest * simulation.sample_time / INTEGRATORS[integrator].reach
 
 
 def swing_rates(plant: Plant, integrator: IntegratorName, limits: Limits) -> dict[str, Any]:
@@ -196,10 +203,6 @@ def unknown_keys() -> frozenset[str]:
     return frozenset(key for key, leaf in describe_parts(Plant(), "nominal.").items() if Mark.UNKNOWN in leaf.marks)
 
 
-KEPT_STRUCTURES = 64
-"""Size of the caches by experiment: successive calls often use the same scenarios."""
-
-
 PARTS = ("plant", "controller", "sensors", "actuator", "disturbance")
 """Parts with run-time parameters, whose keys begin with the part's name; beside them the figures of merit."""
 
@@ -248,7 +251,7 @@ class LoopStructure:
         return nominal_structure(self.plant)
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
+@lru_cache
 def structure_of(experiment: Experiment) -> LoopStructure:
     """The structure of an experiment's closed loop.
 
@@ -279,7 +282,7 @@ def symbolic_parts(owner: Experiment | LoopStructure, values: Mapping[str, Scala
     return SimpleNamespace(**parts, metrics=tuple(with_leaves(m, values, "metrics.") for m in owner.metrics))
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
+@lru_cache
 def _alike(controller: Controller) -> Controller:
     """A controller of the same structure with placeholder numbers."""
     shape = replace(alike(controller), nominal=Nominal())
@@ -310,7 +313,7 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
     return dict(_parameters_of(experiment, nominal))
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
+@lru_cache
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     controller = experiment.controller
     nominal_simulated, assumed = (
@@ -339,7 +342,7 @@ def _values(parts: Experiment | LoopStructure, simulation: Simulation, own: Plan
     )
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
+@lru_cache
 def _gains(controller: Controller) -> dict[str, float]:
     """Gains by key (read-only); cached, as the scenarios of an ensemble share their controller."""
     return numbers(controller, "controller.")

@@ -1,6 +1,7 @@
 """User-defined figures of merit: base class, and their states and values in the closed loop."""
 
 import math
+import sys
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
@@ -27,44 +28,44 @@ class MetricQuantity(Quantity):
     Attributes:
         label: name in tables and figures.
         formula: in LaTeX.
-        shown: display unit (empty: its own unit), factor from its unit to the display unit, and number format.
+        display: display unit (empty: its own unit), factor from its unit to the display unit, and number format.
         small_is_bad: whether the worst of many runs is the smallest value.
         abbreviated: whether its name is an abbreviation, written in capitals in sentences.
-        least, most: bounds of its values.
+        lower, upper: bounds of its values.
     """
 
     label: str = ""
     formula: str = ""
-    shown: tuple[str, float, str] = ("", 1.0, ".4g")
+    display: tuple[str, float, str] = ("", 1.0, ".4g")
     small_is_bad: bool = False
     abbreviated: bool = False
-    least: float = -math.inf
-    most: float = math.inf
+    lower: float = -math.inf
+    upper: float = math.inf
 
     @property
     def shown_unit(self) -> str:
         """Display unit; empty for a pure number."""
-        return self.shown[0] or readable_unit(self.unit)
+        return self.display[0] or readable_unit(self.unit)
 
     @property
     def scale(self) -> float:
         """Factor from its unit to the display unit."""
-        return self.shown[1]
+        return self.display[1]
 
     @property
     def axis(self) -> str:
         """Label of an axis: name and unit."""
-        return f"{self.label} ({self.shown_unit})" if self.shown_unit else self.label
+        return f"{self.label} ({self.shown_unit})" if self.display_unit else self.label
 
     def column(self, name: str, heading: str = "", form: str = "") -> FigureColumn:
         """The column of this figure of merit, printed in the display unit; heading and form default to its own."""
-        _, factor, own_form = self.shown
+        _, factor, own_form = self.display
         words, form = heading or self.label, form or own_form
         return FigureColumn(name, self.unit, words, factor, form, shown_unit=self.shown_unit, meaning=self.meaning)
 
     def text(self, value: float) -> str:
         """A value for a table, in the display unit; a dash for NaN."""
-        return "–" if math.isnan(value) else f"{self.scale * value:{self.shown[2]}}"
+        return "–" if math.isnan(value) else f"{self.scale * value:{self.display[2]}}"
 
 
 class Metric(Part):
@@ -114,7 +115,7 @@ class Metric(Part):
 PREFIX = "metrics."
 """Prefix of their states in a closed loop."""
 
-STEP = 6e-6
+STEP = sys.float_info.epsilon ** (1 / 3)
 """Relative step of central differences: the cube root of round-off."""
 
 

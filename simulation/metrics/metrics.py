@@ -25,13 +25,13 @@ def _error(
     label, window = label or readable(meaning), "steady state" if steady else "whole run"
     label = f"steady {label}" if steady else label
     about = f"{meaning}, {window}"
-    return MetricQuantity(unit, about, "", label, formula, display, abbreviated=abbreviated, least=0.0)
+    return MetricQuantity(unit, about, "", label, formula, display, abbreviated=abbreviated, lower=0.0)
 
 
 def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
     """Metadata of a share of the samples, displayed in percent."""
     about, display = f"share of samples with {meaning}", ("%", 1e2, ".4g")
-    return MetricQuantity("1", about, "", label, formula, display, least=0.0, most=1.0)
+    return MetricQuantity("1", about, "", label, formula, display, lower=0.0, upper=1.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +81,7 @@ class Metrics(Mapping[str, float]):
             "largest tension of both ropes, at the samples",
             label="peak tension",
             formula=r"\max_k \max(F_{1,k}, F_{2,k})",
-            least=0.0,
+            lower=0.0,
         ),
     ]
     min_tension: Annotated[
@@ -102,7 +102,7 @@ class Metrics(Mapping[str, float]):
             "mean absolute change of tension from sample to sample, of both ropes",
             label="chatter",
             formula=r"\frac{1}{2(N-1)}\sum_{k\ge 1}\sum_i \lvert F_{i,k}-F_{i,k-1}\rvert",
-            least=0.0,
+            lower=0.0,
         ),
     ]
     energy: Annotated[
@@ -112,8 +112,8 @@ class Metrics(Mapping[str, float]):
             "work of both motors, braking counted like driving",
             label="energy",
             formula=r"T_s\sum_k \sum_i \lvert G_i\,\tau_{i,k}\,\omega_{i,k}\rvert",
-            shown=("kJ", 1e-3, ".4g"),
-            least=0.0,
+            display=("kJ", 1e-3, ".4g"),
+            lower=0.0,
         ),
     ]
     torque_rate: Annotated[
@@ -123,7 +123,7 @@ class Metrics(Mapping[str, float]):
             "mean absolute change of motor torque a second, of both winches",
             label="torque rate",
             formula=r"\frac{1}{2(N-1)\,T_s}\sum_{k\ge 1}\sum_i \lvert \tau_{i,k}-\tau_{i,k-1}\rvert",
-            least=0.0,
+            lower=0.0,
         ),
     ]
     continuous_load: Annotated[
@@ -133,7 +133,7 @@ class Metrics(Mapping[str, float]):
             "root mean square of the motor torques, of both winches",
             label="continuous load",
             formula=r"\sqrt{\frac{1}{2N}\sum_k \sum_i \tau_{i,k}^2}",
-            least=0.0,
+            lower=0.0,
         ),
     ]
 
@@ -243,7 +243,7 @@ class Accumulators:
     torque_saturated: Annotated[Scalar, Quantity("1", "samples with a motor torque at its limit")] = 0.0
     slack: Annotated[Scalar, Quantity("1", "samples with a rope at zero tension")] = 0.0
     peak: Annotated[Scalar, Quantity("N", "largest tension")] = 0.0
-    least: Annotated[Scalar, Quantity("N", "smallest tension")] = 1e300
+    lowest: Annotated[Scalar, Quantity("N", "smallest tension")] = 1e300
     sum_change: Annotated[Scalar, Quantity("N", "sum of |change of tension| of both ropes")] = 0.0
     F1_previous: Annotated[Scalar, Quantity("N", "tension 1 of the last sample")] = 0.0
     F2_previous: Annotated[Scalar, Quantity("N", "tension 2 of the last sample")] = 0.0
@@ -274,7 +274,7 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
         torque_saturated=so_far.torque_saturated + sample.torque_saturated,
         slack=so_far.slack + (smaller_tension <= 0),
         peak=maximum(so_far.peak, maximum(sample.F1, sample.F2)),
-        least=minimum(so_far.least, smaller_tension),
+        lowest=minimum(so_far.lowest, smaller_tension),
         sum_change=so_far.sum_change + where(has_previous, change, 0.0),
         F1_previous=sample.F1,
         F2_previous=sample.F2,
@@ -315,7 +315,7 @@ def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
         torque_saturated_share=mean(sums["torque_saturated"], samples),
         slack_share=mean(sums["slack"], samples),
         peak_tension=measured(sums["peak"], samples),
-        min_tension=measured(sums["least"], samples),
+        min_tension=measured(sums["lowest"], samples),
         chatter=mean(sums["sum_change"], 2 * (samples - 1)),
         energy=measured(sums["work"], samples),
         torque_rate=mean(sums["sum_torque_rate"], 2 * (samples - 1)),

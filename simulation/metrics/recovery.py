@@ -32,7 +32,7 @@ class Recovery(Metric):
 
     kind: ClassVar = "recovery"
     quantity: ClassVar = MetricQuantity(
-        "s", "longest time during which |e| stays beyond the tolerance", label="recovery", least=0.0
+        "s", "longest time during which |e| stays beyond the tolerance", label="recovery", lower=0.0
     )
 
     def initial_state(self) -> Excursion:

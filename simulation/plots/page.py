@@ -185,9 +185,6 @@ def steady_patch() -> "Patch":
     return Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
 
 
-RESOLUTION = 200
-"""Dots per inch of a PNG."""
-
 METADATA = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Suffix → metadata left out of the file, as they vary with date or machine."""
 
@@ -207,7 +204,7 @@ def encode(figure: "Figure", suffix: str) -> bytes:
         raise ConfigurationError(f"unknown suffix {suffix!r}; must be one of {', '.join(METADATA)}")
     stream = BytesIO()
     with house_style():
-        figure.savefig(stream, format=form.removeprefix("."), dpi=RESOLUTION, metadata=METADATA[form])
+        figure.savefig(stream, format=form.removeprefix("."), metadata=METADATA[form])
     return stream.getvalue()
 
 

@@ -69,6 +69,7 @@ STYLE = {
     "figure.facecolor": "white",
     "figure.dpi": 100,
     "savefig.facecolor": "white",
+    "savefig.dpi": 200,
     "svg.hashsalt": "dualwinch",
     "svg.fonttype": "path",
 }

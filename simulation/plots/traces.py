@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 PIXEL_COLUMNS = 900
-"""Pixel columns of the widest panel on a screen; for each, the smallest and the largest value are kept."""
+"""Pixel columns of the widest panel on a screen: more instants of a signal are not seen."""
 
 LARGEST_DRAWN = 1e12
 """Magnitude beyond which values, of diverged runs, are not drawn."""

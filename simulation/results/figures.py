@@ -5,6 +5,7 @@ They draw one result, several, which are labelled by their position laws, or res
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -65,12 +66,11 @@ def curves(runs: Runs) -> list[Curve]:
         if not isinstance(result, Result):
             raise ConfigurationError(f"{label}: a figure draws results of simulate, not {type(result).__name__}")
     looks = _looks([law_look(result.experiment) for _, result in labelled])
-    return [curve_of(result, look, _name(label, result)) for (label, result), look in zip(labelled, looks, strict=True)]
-
-
-def _name(label: str, result: Result) -> str:
-    """The label of a run, or the name of its law if the label is the law's `kind`."""
-    return law_label(result.experiment) if label == result.experiment.controller.law.kind else label
+    curves_of_runs: list[Curve] = []
+    for (label, result), look in zip(labelled, looks, strict=True):
+        is_kind = label == result.experiment.controller.law.kind
+        curves_of_runs.append(curve_of(result, look, law_label(result.experiment) if is_kind else label))
+    return curves_of_runs
 
 
 def _labelled(runs: Runs) -> list[tuple[str, Result]]:
@@ -89,23 +89,14 @@ def _labelled(runs: Runs) -> list[tuple[str, Result]]:
 
 
 def _looks(own: Sequence[Look]) -> list[Look]:
-    """Colour and line style of every run: its law's, or the first free one, preferably of a free colour."""
+    """Colour and line style of every run: its law's, or where an earlier run has these, the next that no law has."""
     turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
-    every: list[Look] = [
-        (PALETTE[place % len(PALETTE)], dashes[place % len(dashes)])
-        for dashes in turns
-        for place in range(len(PALETTE))
-    ]
-    colours_in_use = list(dict.fromkeys(own))
-    looks: list[Look] = []
+    every = [look for dashes in turns for look in zip(PALETTE, cycle(dashes), strict=False)]
+    colours = {colour for colour, _ in own}
+    spare = sorted((look for look in every if look not in own), key=lambda look: look[0] in colours)
+    following, looks = cycle(spare or every), list[Look]()
     for look in own:
-        style = look
-        if look in looks:
-            free = [each for each in every if each not in colours_in_use] or every
-            colours = {colour for colour, _ in colours_in_use}
-            style = next((each for each in free if each[0] not in colours), free[0])
-        colours_in_use.append(style)
-        looks.append(style)
+        looks.append(next(following) if look in looks else look)
     return looks
 
 
@@ -226,17 +217,11 @@ def _steady_error(axes: Axes, runs: Sequence[Curve]) -> None:
     axes.set(title="steady-state window", xlabel="time (s)", ylabel=f"error $e$ ({name})")
 
 
-START_UP = 0.06
-"""Enlarged part of a uniform reference's start in s, where the speed step makes the ropes ring."""
-
-BRAKING = (-0.03, 0.12)
-"""Enlarged part around the start of a profile's braking in s, where its acceleration jumps."""
+EVENT = 0.12
+"""Enlarged time in s after a profile's acceleration jumps; a quarter before, and half after a step of the speed."""
 
 SMALLEST_SPAN = 1 / 15
 """Smallest height of an enlarged panel over the largest tension command, so that no trifle looks significant."""
-
-OVERSHOOT = 1.02
-"""Ratio of a tension to its limit beyond which it is mentioned."""
 
 
 def commands(results: Runs, *, ax: GivenAxes = None) -> Figure:
@@ -262,10 +247,10 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
         Its start and end in s, the origin of its time axis in s, and the event in it.
     """
     if experiment.reference.kind == "uniform":
-        return 0.0, START_UP, 0.0, "start-up"
+        return 0.0, EVENT / 2, 0.0, "start-up"
     reference = experiment.reference
     joint = reference.cruise_until if reference.kind == "profile" else experiment.steady_window[1]
-    return joint + BRAKING[0], joint + BRAKING[1], joint, "braking begins"
+    return joint - EVENT / 4, joint + EVENT, joint, "braking begins"
 
 
 def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
@@ -273,8 +258,8 @@ def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
     experiment, kind = runs[0].experiment, "_cmd" if content == "commands" else ""
     start, _, origin, event = enlarged(experiment)
     zoomed = start < experiment.duration
-    shown = [f"F{rope}{kind}" for rope in (1, 2)]
-    unit = tension_unit(experiment, *(largest(run.result[name]) for run in runs for name in shown))
+    columns = [f"F{rope}{kind}" for rope in (1, 2)]
+    unit = tension_unit(experiment, *(largest(run.result[name]) for run in runs for name in columns))
     with new_page(ax, 5.2, *_headings(runs, content)) as page:
         panels = page.panels(2, 1 + zoomed, sharex="col", width_ratios=(2.3, 1)[: 1 + zoomed])
         for rope, axes in enumerate(panels[:2], start=1):
@@ -321,7 +306,7 @@ def _extremes(runs: Sequence[Curve], column: str, unit: tuple[float, str]) -> st
         return "slack: " + ", ".join(f"{label} {_moment(time)}" for label, time in slack.items() if time)
     peaks = [float(np.nanmax(run.result[column])) for run in finite_runs]
     highest = max(peaks, default=0.0)
-    if highest <= OVERSHOOT * runs[0].experiment.controller.limits.tension_max:
+    if highest <= runs[0].experiment.controller.limits.tension_max:
         return ""
     highest_run = finite_runs[peaks.index(highest)].result
     at = highest_run["t"][np.nanargmax(highest_run[column])]

@@ -34,6 +34,7 @@ from dualwinch.simulation.plots.style import (
     zero_line,
 )
 from dualwinch.simulation.plots.traces import largest, thin
+from dualwinch.simulation.prepare import LONGEST
 from dualwinch.simulation.rows import CONTINUOUS
 
 if TYPE_CHECKING:
@@ -45,13 +46,6 @@ if TYPE_CHECKING:
 
 
 Floats = NDArray[np.float64]
-
-SLIP = 1e-6
-"""Share of the time between two rows by which an instant may miss a row due to rounding."""
-
-MOST = 10**8
-"""Maximum number of instants of a grid given by its rate."""
-
 
 SHOWN_METRICS = ("mse", "max_abs_error", "chatter")
 """Built-in figures of merit in the text of a result, which also shows all user-defined ones."""
@@ -143,8 +137,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         """
         t = self["t"]
         instants = _instants(t, rate, times)
-        slip = SLIP * (t[1] - t[0]) if len(t) > 1 else 0.0
-        latest = np.maximum(np.searchsorted(t, instants + slip, side="right") - 1, 0)
+        latest = np.maximum(np.searchsorted(t, instants + _rounding(t), side="right") - 1, 0)
         columns = {
             name: np.interp(instants, t, self[name]) if kind == "linear" else self[name][latest]
             for name, kind in self.interpolation.items()
@@ -264,10 +257,12 @@ def _instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
     if not len(t):
         raise ConfigurationError("resample: the run kept no rows (stride = 0)")
     begin, end = float(t[0]), float(t[-1])
-    slip = SLIP * (float(t[1]) - begin) if len(t) > 1 else 0.0
+    slip = _rounding(t)
     if rate is not None:
-        if not (math.isfinite(rate) and rate > 0 and (end - begin) * rate < MOST):
-            raise ConfigurationError(f"rate = {rate:g}: must be a finite number > 0 1/s, of at most {MOST:g} instants")
+        if not (math.isfinite(rate) and rate > 0 and (end - begin) * rate < LONGEST):
+            raise ConfigurationError(
+                f"rate = {rate:g}: must be a finite number > 0 1/s, of at most {LONGEST:g} instants"
+            )
         count = math.floor((end - begin + slip) * rate) + 1
         return np.minimum(begin + np.arange(count) / rate, end)
     instants = np.array(times, float)
@@ -283,6 +278,11 @@ def _instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
         index = int((np.diff(instants) <= 0).argmax()) + 1
         raise ConfigurationError(f"times[{index}] = {instants[index]:g}: must be > times[{index - 1}]")
     return instants
+
+
+def _rounding(t: Floats) -> float:
+    """Time in s by which an instant may miss a row due to the rounding of both."""
+    return 8 * float(np.spacing(np.abs(t).max()))
 
 
 def _extra(name: str) -> ModuleType:

@@ -276,8 +276,8 @@ class ScaledEnsemble:
                     break
                 integrator = structures.solver_of(experiment).integrator
                 try:
-                    fastest = preparation.fastest_swing(experiment.plant, integrator, experiment.controller.limits)
-                    substeps = float(preparation.substeps_for(fastest, simulation, integrator))
+                    limits = experiment.controller.limits
+                    substeps = float(structures.substeps_for(experiment.plant, simulation, integrator, limits))
                 except ArithmeticError:
                     substeps = math.inf
                 if not math.isfinite(substeps):  # values not allowed; `prepare` gives the reason

@@ -2,7 +2,7 @@ import gc
 import os
 import signal
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -15,9 +15,10 @@ from dualwinch.simulation.batch.rollout import BLOCKS, rollout
 from dualwinch.simulation.ensembles import run as module
 from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.result import EnsembleResult
-from dualwinch.simulation.ensembles.run import TRACE_POINTS, run_ensemble
+from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.plots.traces import PIXEL_COLUMNS
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -147,24 +148,21 @@ def test_a_signal_in_the_middle_is_such_an_interrupt() -> None:
 
 
 def test_an_interrupt_before_anything_is_finished_is_one() -> None:
-    def interrupted() -> Iterator[Scenario]:
-        raise KeyboardInterrupt
-        yield
+    class Early(Ensemble):
+        def chosen(self, *_: object, **__: object) -> list[Scenario]:
+            raise KeyboardInterrupt
 
-    ensemble = lasting(0.5)
-    ensemble_of_none = type("Early", (Ensemble,), {"scenarios": lambda *_: interrupted()})
     with pytest.raises(KeyboardInterrupt):
-        run_ensemble(ensemble_of_none(ensemble.name, "", ensemble.experiment, ensemble.distributions), 5, 7)
+        run_ensemble(Early(**vars(lasting(0.5))), 5, 7)
 
 
 def test_scenarios_are_drawn_as_they_are_needed() -> None:
-    drawn: list[int] = []
+    drawn = set[int]()
 
     class Counted(Ensemble):
-        def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
-            for scenario in super().scenarios(count, seed):
-                drawn.append(scenario.index)
-                yield scenario
+        def chosen(self, indices: Sequence[int], seed: int | Sequence[int], *, vertex: bool = False) -> list[Scenario]:
+            drawn.update(indices)
+            return super().chosen(indices, seed, vertex=vertex)
 
     def interrupt(_: float) -> None:
         raise KeyboardInterrupt
@@ -172,7 +170,7 @@ def test_scenarios_are_drawn_as_they_are_needed() -> None:
     ensemble = Counted(**vars(lasting(0.1)))
     result = run_ensemble(ensemble, 1000, 0, workers=1, progress=interrupt)
     assert 0 < len(result) <= BLOCKS * LANES
-    assert len(drawn) <= 2 * BLOCKS * LANES  # a portion, and the next one
+    assert len(drawn) == BLOCKS * LANES
 
 
 def peak_memory(scenarios: int, *, traces: bool) -> int:
@@ -202,7 +200,7 @@ def test_traces_are_kept_of_so_many_scenarios_and_extremes_of_all(
     assert result.traces is not None
     assert ten.traces is not None
     assert result.traces.sampled["F1"].shape == (4, len(ten.traces.t))
-    assert len(ten.traces.t) <= TRACE_POINTS
+    assert len(ten.traces.t) <= PIXEL_COLUMNS
     assert np.array_equal(result.traces.highest["F1"], ten.traces.sampled["F1"].max(axis=0))
     assert np.array_equal(result.traces.lowest["e"], ten.traces.sampled["e"].min(axis=0))
     middle = ten.traces.quantiles("e", (0.5,))[0]

@@ -16,12 +16,12 @@ from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.experiment import Experiment, IntegratorName
+from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.stability import fastest_rate, swing_rate
-from dualwinch.simulation.loop.structure import Solver, solver_of, stable_substeps, swing_rates
+from dualwinch.simulation.loop.structure import Solver, solver_of, stable_substeps, substeps_for, swing_rates
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.prepare import fastest_swing, prepare
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.last_bit import LAST_BIT, SEEDS, perturbed
@@ -231,8 +231,9 @@ def test_many_plants_at_once_have_the_rates_of_each() -> None:
     columns = {key: np.array(values) for key, values in numbers.items()}
     each = [with_leaves(plant, {key: values[row] for key, values in numbers.items()}, "plant.") for row in range(3)]
     for integrator in ("verlet", "rk4"):
-        together = fastest_swing(with_leaves(plant, columns, "plant."), integrator, Limits())
-        assert together == pytest.approx([float(fastest_swing(one, integrator, Limits())) for one in each], rel=1e-9)
+        rest = Simulation(), integrator, Limits()
+        together = substeps_for(with_leaves(plant, columns, "plant."), *rest)
+        assert together == pytest.approx([float(substeps_for(one, *rest)) for one in each], rel=1e-9)
 
 
 def test_a_batch_refuses_a_damping_its_sub_steps_are_too_long_for() -> None:

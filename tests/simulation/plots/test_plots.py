@@ -306,7 +306,7 @@ def test_a_fan_chart_shows_median_bands_and_extremes(at_sea: EnsembleResult) -> 
     limits = {6.0, 0.2}
     for axes in ropes:
         assert limits <= {float(np.asarray(line.get_ydata())[0]) for line in axes.lines}
-    assert legend_of(figure)[:4] == ["median", "50 %", "90 %", "all scenarios"]
+    assert legend_of(figure)[:4] == ["median", "all scenarios", "90 %", "50 %"]
     words = texts(figure)
     assert "FANDO-NFTSM in the ensemble “sea”" in words
     assert "12 scenarios, seed 7; every one ran to its end" in words

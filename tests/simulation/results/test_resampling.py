@@ -55,9 +55,9 @@ def test_all_but_the_rows_stays_the_runs(run: Result) -> None:
     [
         ({}, "resample: give either rate or times"),
         ({"rate": 1, "times": [0]}, "resample: give either rate or times"),
-        ({"rate": 0}, "rate = 0: must be a finite number > 0 1/s, of at most 1e+08 instants"),
-        ({"rate": np.nan}, "rate = nan: must be a finite number > 0 1/s, of at most 1e+08 instants"),
-        ({"rate": 1e12}, "rate = 1e+12: must be a finite number > 0 1/s, of at most 1e+08 instants"),
+        ({"rate": 0}, "rate = 0: must be a finite number > 0 1/s, of at most 1e+09 instants"),
+        ({"rate": np.nan}, "rate = nan: must be a finite number > 0 1/s, of at most 1e+09 instants"),
+        ({"rate": 1e12}, "rate = 1e+12: must be a finite number > 0 1/s, of at most 1e+09 instants"),
         ({"times": [0.1, 0.5]}, "times[1] = 0.5: must be 0 to 0.499 s, where rows are"),
         ({"times": [-0.1]}, "times[0] = -0.1: must be 0 to 0.499 s, where rows are"),
         ({"times": [0.1, np.nan]}, "times[1] = nan: must be 0 to 0.499 s, where rows are"),
