@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen import native
-from dualwinch.codegen.drivers.repeated import compile_repeated
 from dualwinch.codegen.drivers.tangents import Vertex, accumulated_jacobian
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.expressions import built_once
@@ -128,7 +127,14 @@ def repeated(function: ca.Function, rounds: int, compiled: bool) -> Callable[[Fl
         ``(state, constant) -> result``, (s, state) and (s, constant) to (s, state).
     """
     if compiled:
-        return compile_repeated(function, rounds, QUICK_BUILD)
+        step: Any = native.compile(function, flags=QUICK_BUILD)
+
+        def run(state: Floats, constant: Floats) -> Floats:
+            for number in range(rounds):
+                state = step(state, constant, float(number))
+            return state
+
+        return run
 
     def interpreted(state: Floats, constant: Floats) -> Floats:
         now = ca.DM(state.T)

@@ -14,9 +14,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cache, wraps
 from importlib.metadata import PackageNotFoundError, version
-from inspect import signature
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 from dualwinch.codegen.errors import CompileError, CompilerNotFoundError, installing
 
@@ -87,7 +86,8 @@ class Compiler:
     def flags(self) -> tuple[str, ...]:
         """Flags of a shared library for this machine's processor, or the one named in the command."""
         named = any(word.startswith(("-march=", "-mcpu=")) for word in self.command)
-        native = () if named or self.name == "zig" or not _takes_native() else ("-march=native",)
+        takes_native = platform.machine().lower() in {"x86_64", "amd64", "aarch64", "arm64"}
+        native = () if named or self.name == "zig" or not takes_native else ("-march=native",)
         finite = ("-fno-finite-math-only",) if self.is_clang else ()  # else NaN <= x, a missing reading, is true
         return OPTIMISE + finite + native + SHARED
 
@@ -153,10 +153,6 @@ def _macros(command: tuple[str, ...], flags: tuple[str, ...]) -> frozenset[str]:
     return frozenset(re.findall(r"^#define (\w+)", answer.stdout, re.MULTILINE))
 
 
-def _takes_native() -> bool:
-    return platform.machine().lower() in {"x86_64", "amd64", "aarch64", "arm64"}
-
-
 @cache
 def _cpuinfo() -> dict[str, str]:
     file = Path("/proc/cpuinfo")
@@ -214,15 +210,12 @@ def find_compiler(command: str | None = None) -> Compiler:
     return replace(compiler, exact=True) if exactly() else compiler
 
 
-def with_compiler(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
-    """Decorator: `compiler` defaults to that of `find_compiler` at each call, so that caches have it in their key."""
-    place = list(signature(build).parameters).index("compiler")
+def with_compiler(build: Callable[Concatenate[Compiler, Arguments], Built]) -> Callable[Arguments, Built]:
+    """Decorator: the first argument is `find_compiler()` at each call, so that it is in the key of caches."""
 
     @wraps(build)
     def built(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
-        if len(args) <= place and kwargs.get("compiler") is None:
-            kwargs["compiler"] = find_compiler()
-        return build(*args, **kwargs)
+        return build(find_compiler(), *args, **kwargs)
 
     return built
 

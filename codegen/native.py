@@ -62,7 +62,8 @@ class CompiledFunction:
     _made_of: tuple[ca.Function, Compiler | None, tuple[str, ...]] = field(repr=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _compiled, self._made_of
+        function, compiler, flags = self._made_of
+        return partial(compile, function, compiler, flags=flags), ()
 
     def bind(self, batch: tuple[int, ...] = (), **constants: ArrayLike) -> BoundFunction:
         """Allocate arrays of zeros for inputs and outputs, and a call between them with minimal overhead.
@@ -223,10 +224,6 @@ def compile(  # noqa: A001
         _call=native_library.run,
         _made_of=(function, compiler, flags),
     )
-
-
-def _compiled(function: ca.Function, compiler: Compiler | None, flags: tuple[str, ...]) -> CompiledFunction:
-    return compile(function, compiler, flags=flags)
 
 
 def _bound_again(

@@ -33,7 +33,10 @@ def one_line(text: object) -> str:
 
     Line breaks, other control characters and surrogates are written as Python escapes.
     """
-    return "".join(_escaped(letter) if _unfit(letter) else letter for letter in str(text))
+    return "".join(
+        _escaped(letter) if unicodedata.category(letter) in {"Cc", "Cs"} or letter in BREAKS else letter
+        for letter in str(text)
+    )
 
 
 def c_comment(text: object) -> str:
@@ -59,7 +62,9 @@ def xml_text(text: object) -> str:
 
 def shortened(text: str) -> str:
     """A one-line message that fits a screen: very long words lose their middle, a very long line its end."""
-    cut = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: _without_middle(word[0]), " ".join(text.split()))
+    half = LONGEST_WORD // 2
+    words = (word if len(word) <= LONGEST_WORD else f"{word[:half]}…{word[-half:]}" for word in text.split())
+    cut = " ".join(words)
     return cut if len(cut) <= LONGEST_LINE else f"{cut[: LONGEST_LINE - 1]}…"
 
 
@@ -74,14 +79,5 @@ def without_secrets(text: str) -> str:
     return text
 
 
-def _unfit(letter: str) -> bool:
-    return unicodedata.category(letter) in {"Cc", "Cs"} or letter in BREAKS
-
-
 def _escaped(letter: str) -> str:
     return letter.encode("unicode_escape", errors="backslashreplace").decode("ascii")
-
-
-def _without_middle(word: str) -> str:
-    half = LONGEST_WORD // 2
-    return f"{word[:half]}…{word[-half:]}"

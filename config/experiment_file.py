@@ -62,13 +62,13 @@ def load(
     return from_table(source.table(), source, base or Experiment(), settings or {})
 
 
-def loads(text: str, base: Experiment | None = None, name: str = "configuration") -> Experiment:
-    """Read an experiment from a TOML text, as `load` does from a file; `name` stands for the file in messages.
+def loads(text: str, base: Experiment | None = None) -> Experiment:
+    """Read an experiment from a TOML text, as `load` does from a file; messages call it a configuration.
 
     Raises:
         ConfigurationError: not valid TOML, an unknown key, or a value out of range.
     """
-    source = Source(name, text)
+    source = Source("configuration", text)
     return from_table(source.table(), source, base or Experiment())
 
 

@@ -51,7 +51,9 @@ class Host:
         apart, states = prepared(block, precision), len(block.states) + len(block.outputs)
         self._memory = np.zeros(states + apart.lost, kind)
         self.state, self.lost = self._memory[:states], self._memory[states:]
-        numbers = 0 if freeze else len(apart.kept) + apart.derived + 2  # the last two have room for checksum and mark
+        numbers = (
+            0 if freeze else len(apart.parameters) + apart.derived + 2
+        )  # the last two have room for checksum and mark
         self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name
         self._constants: tuple[ctypes.c_void_p, ...] = (

@@ -105,7 +105,7 @@ def _ram(controller: Block, precision: Precision, *, freeze: bool) -> int:
     apart = prepared(frozen(controller) if freeze else controller, precision)
     numbers = len(controller.states) + apart.lost + 2 * len(controller.outputs) + len(controller.inputs)
     if not freeze:
-        numbers += len(apart.kept) + apart.derived + 1
+        numbers += len(apart.parameters) + apart.derived + 1
     return numbers * (4 if precision == "float" else 8)
 
 

@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.compiler import Compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import CompiledFill, Signals, compile_fill
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
@@ -137,24 +138,23 @@ class Batch:
         return recorder
 
 
-def compile_batch(system: Sampled, *, rows: bool = False, compiler: Compiler | None = None) -> Batch:
+def compile_batch(system: Sampled, *, rows: bool = False) -> Batch:
     """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`.
 
     Args:
         system: the system.
         rows: whether it can keep rows; their code is compiled beside that of the rollout.
-        compiler: default: that of `find_compiler`.
     """
-    c_compiler = compiler or find_compiler()
     if not rows:
-        return _compile_batch(system, c_compiler)
+        return _compile_batch(system)
     with ThreadPoolExecutor(1) as beside:
-        recording = beside.submit(_compile_rows, system, c_compiler)
-        return replace(_compile_batch(system, c_compiler), recording=recording.result())
+        recording = beside.submit(copy_context().run, _compile_rows, system)
+        return replace(_compile_batch(system), recording=recording.result())
 
 
+@with_compiler
 @GRAPHS.cached
-def _compile_batch(system: Sampled, compiler: Compiler) -> Batch:
+def _compile_batch(compiler: Compiler, system: Sampled) -> Batch:
     made_of = recipe(system.functions, "batch", system.parts)
     source, flags = (lambda: batch_source(system, compiler)), lane_flags(compiler)
     driver = loaded(source, compiler, flags, made_of, batch="ppppnpnpnnxpp")
@@ -163,8 +163,9 @@ def _compile_batch(system: Sampled, compiler: Compiler) -> Batch:
     return Batch(system.observe.numel_out("row"), read, compile_fill(compiler), None, driver.batch)
 
 
+@with_compiler
 @GRAPHS.cached
-def _compile_rows(system: Sampled, compiler: Compiler) -> ctypes.CDLL:
+def _compile_rows(compiler: Compiler, system: Sampled) -> ctypes.CDLL:
     made_of = recipe(system.functions, "rows", system.parts)
     source, flags = (lambda: rows_source(system, compiler)), lane_flags(compiler)
     return loaded(source, compiler, flags, made_of, begin_rows="pp", row_at="ppppp")

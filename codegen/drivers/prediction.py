@@ -2,13 +2,14 @@
 
 import ctypes
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
+from dualwinch.codegen.compiler import Compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, recipe, unit
@@ -61,7 +62,6 @@ class FilterPass:
 
     Attributes:
         outcome: its outcome.
-        done: samples processed.
         gains: (samples, readings, states) Kalman gains, from innovations to corrections; zero without a reading.
         whitening: (samples, readings, readings) from innovations to white ones of variance 1; likewise.
         counts, squares, logarithms: (readings,) sums for each sensor: number of readings, squares of the whitened
@@ -73,7 +73,6 @@ class FilterPass:
     """
 
     outcome: Outcome
-    done: int
     gains: Floats
     whitening: Floats
     counts: Floats
@@ -95,14 +94,13 @@ class FixedGainPrediction:
     """One-step-ahead predictions with given gains.
 
     Attributes:
-        outcome, done: as in `FilterPass`.
+        outcome: its outcome.
         normal: (p + 1, p + 1) normal equations: sums over all readings of the products of the whitened innovations'
             derivatives with respect to p parameters and, last, of the innovations themselves.
         innovations: (samples, readings) whitened innovations, NaN without a reading; or None.
     """
 
     outcome: Outcome
-    done: int
     normal: Floats
     innovations: Floats | None
 
@@ -164,7 +162,6 @@ class Predictor:
             noise = noise / counts
         return FilterPass(
             outcome=Outcome(outcome),
-            done=count.value,
             gains=gain_rows,
             whitening=whitening,
             counts=counts,
@@ -214,7 +211,7 @@ class Predictor:
         innovations = np.full((len(data.inputs), readings), np.nan) if rows else None
         gains = filtered.gains, filtered.whitening
         outcome = self._predict(parameters, *data.arguments, *gains, normal, innovations, ctypes.byref(count))
-        return FixedGainPrediction(Outcome(outcome), count.value, normal, innovations)
+        return FixedGainPrediction(Outcome(outcome), normal, innovations)
 
 
 DIRECTION = "direction"
@@ -270,28 +267,22 @@ def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
 
 @with_compiler
 @GRAPHS.cached
-def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None) -> Predictor:
+def compile_predictor(compiler: Compiler, system: PredictedSystem) -> Predictor:
     """Compile (or find in the cache) and load a filter.
 
     Args:
+        compiler: that of `find_compiler`, no argument of the caller.
         system: the predicted system.
-        compiler: default: that of `find_compiler`.
 
     Raises:
         CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
-    compiler_used = compiler or find_compiler()
     signatures = {
         "filter": "pppnppppxpppppnpp -> int",
         "smooth": "pppnpppnppp -> int",
         "predict": "pppnpppppp -> int",
     }
     made_of = recipe(system.functions, "prediction", system.parts, system.fitted)
-    driver = loaded(
-        lambda: prediction_source(system, compiler_used),
-        compiler_used,
-        lane_flags(compiler_used),
-        made_of,
-        **signatures,
-    )
+    source = partial(prediction_source, system, compiler)
+    driver = loaded(source, compiler, lane_flags(compiler), made_of, **signatures)
     return Predictor(system.sizes, driver.filter, driver.predict, driver.smooth)

@@ -31,7 +31,7 @@ class Served(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("observation", "outcome", "done", "rows")),
         *((name, ctypes.c_int64) for name in ("exogenous", "columns", "signals")),
         *((name, ctypes.c_int64) for name in ("socket", "period", "lockstep", "may_write", "watchdog", "release")),
-        *((name, Pair) for name in ("safe", "largest", "brake", "least", "most")),
+        *((name, Pair) for name in ("safe", "largest", "brake", "lower", "upper")),
         *((name, ctypes.c_int64) for name in ("position", "speed")),
         ("reference", Triple),
         *((name, Pair) for name in ("share", "other")),
@@ -55,7 +55,7 @@ class Pacing:
         watchdog: samples without a command after which the safe commands apply.
         release: time in ns without a datagram after which another client is admitted.
         safe: safe commands.
-        brake: what is added to these per m/s of the measured speed, within `least` and `most`.
+        brake: what is added to these per m/s of the measured speed, within `lower` and `upper`.
         position, speed: places of the measured position and speed in the observation.
         reference: places of position, speed and acceleration of the reference in the exogenous signals.
         largest: magnitude of each command beyond which it is refused.
@@ -70,8 +70,8 @@ class Pacing:
     release: int
     safe: tuple[float, float]
     brake: tuple[float, float]
-    least: tuple[float, float]
-    most: tuple[float, float]
+    lower: tuple[float, float]
+    upper: tuple[float, float]
     position: int
     speed: int
     reference: tuple[int, int, int]
@@ -130,7 +130,7 @@ class PacedRun:
             signals=len(runs.observation),
             socket=socket,
             **{name: int(getattr(pacing, name)) for name in ("period", "lockstep", "may_write", "watchdog", "release")},
-            **{name: Pair(*getattr(pacing, name)) for name in ("safe", "largest", "brake", "least", "most")},
+            **{name: Pair(*getattr(pacing, name)) for name in ("safe", "largest", "brake", "lower", "upper")},
             **{name: getattr(pacing, name) for name in ("position", "speed")},
             reference=Triple(*pacing.reference),
             share=Pair(1.0, 1.0),

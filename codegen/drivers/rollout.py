@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler, with_compiler
+from dualwinch.codegen.compiler import SCHEDULED, Compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
 from dualwinch.codegen.sampled import Sampled
@@ -72,12 +72,12 @@ class Rollout:
 
 @with_compiler
 @GRAPHS.cached
-def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator: Generator = "dualwinch") -> Rollout:
+def compile_rollout(compiler: Compiler, system: Sampled, generator: Generator = "dualwinch") -> Rollout:
     """Compile (or find in the cache) and load the rollout of a sampled system.
 
     Args:
+        compiler: that of `find_compiler`, no argument of the caller.
         system: the system.
-        compiler: default: that of `find_compiler`.
         generator: generator of the C of its functions.
 
     Raises:
@@ -85,9 +85,8 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
     """
-    c_compiler = compiler or find_compiler()
-    contracted = CONTRACTED if c_compiler.is_clang else CONTRACTED + SCHEDULED
+    contracted = CONTRACTED if compiler.is_clang else CONTRACTED + SCHEDULED
     flags = contracted if generator == "dualwinch" else CASADI_FLAGS
     made_of = recipe(system.functions, "rollout", system.parts, generator)
-    driver = loaded(lambda: rollout_source(system, generator), c_compiler, flags, made_of, rollout="pppnnpp -> int")
+    driver = loaded(lambda: rollout_source(system, generator), compiler, flags, made_of, rollout="pppnnpp -> int")
     return Rollout(system.observe.numel_out("row"), driver.rollout)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
+from dualwinch.codegen.compiler import Compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
@@ -54,11 +54,6 @@ class Varied:
 
 WITHOUT = ("-fno-tree-loop-distribution", "-fno-ivopts", "-fno-predictive-commoning")
 """Passes of gcc that find next to nothing in these loops, in half the time of a build."""
-
-
-def _flags(compiler: Compiler) -> tuple[str, ...]:
-    """Flags of a build."""
-    return lane_flags(compiler) if compiler.is_clang else (*lane_flags(compiler), *WITHOUT)
 
 
 def _along(move: ca.Function, varied: Varied) -> ca.Function:
@@ -124,7 +119,7 @@ def sensitivity_source(
     packed = {"state": sorted({*motion, *all_read(sloped, "state")}), "exogenous": signals}
     layout = LaneLayout(compiler.pairs, shared=("parameters", "derived"), packed=packed)
     lanes = {slopes.name(): layout for slopes in sloped}
-    lanes[directional.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), apart="DIRECTIONS")
+    lanes[directional.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), stride="DIRECTIONS")
     definitions = c_source([*run, *sloped, directional], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements())}" for name, product in products.items()]
     listed = macros_of_lists(READ_STATE=packed["state"], READ_EXOGENOUS=signals)
@@ -136,19 +131,19 @@ def sensitivity_source(
     return unit(sizes, run, "elementary.h", "lanes.h", "vectors.h", definitions, macros, "sensitivity.c")
 
 
-class Kept(NamedTuple):
+class SensitivityRows(NamedTuple):
     """Outcome of a run, with its kept values and tangents.
 
     Attributes:
-        outcome, done: outcome, and number of samples stepped.
-        first, first_tangents: (kept,) the first state, and (kept, directions) its tangents.
+        outcome, samples: outcome, and number of samples stepped.
+        state, state_tangents: (kept,) the first state, and (kept, directions) its tangents.
         rows, row_tangents: (kept, columns) the requested columns, and (kept, columns, directions) their tangents.
     """
 
     outcome: Outcome
-    done: int
-    first: Floats
-    first_tangents: Floats
+    samples: int
+    state: Floats
+    state_tangents: Floats
     rows: Floats
     row_tangents: Floats
 
@@ -175,7 +170,7 @@ class Sensitivity:
         stride: int = 1,
         signals: Floats | None = None,
         into: Floats | None = None,
-    ) -> Kept:
+    ) -> SensitivityRows:
         """Run without the global interpreter lock.
 
         Args:
@@ -203,36 +198,35 @@ class Sensitivity:
             *(array if stride else None for array in arrays),
             ctypes.byref(count),
         )
-        return Kept(Outcome(outcome), count.value, *(array[: kept_rows(count.value, stride)] for array in arrays))
+        return SensitivityRows(
+            Outcome(outcome), count.value, *(array[: kept_rows(count.value, stride)] for array in arrays)
+        )
 
 
 @with_compiler
 @GRAPHS.cached
-def compile_sensitivity(
-    system: Sampled, smooth: Sampled, varied: Varied, compiler: Compiler | None = None
-) -> Sensitivity:
+def compile_sensitivity(compiler: Compiler, system: Sampled, smooth: Sampled, varied: Varied) -> Sensitivity:
     """Compile (or find in the cache) and load a rollout with sensitivities.
 
     Args:
+        compiler: that of `find_compiler`, no argument of the caller.
         system: the system that is run.
         smooth: the system that is differentiated along the run: `system` itself, or one without quantisation, whose
             derivatives are zero almost everywhere.
         varied: variables and columns of the derivatives.
-        compiler: default: that of `find_compiler`.
 
     Raises:
         CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
-    c_compiler = compiler or find_compiler()
 
     def source() -> str:
         with BUILDING:
-            return sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, c_compiler)
+            return sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, compiler)
 
     driver = loaded(
         source,
-        c_compiler,
-        _flags(c_compiler),
+        compiler,
+        lane_flags(compiler) + (() if compiler.is_clang else WITHOUT),
         recipe((*system.functions, *smooth.functions), "sensitivity", system.parts, smooth.parts, varied),
         sensitivity="pppppppnnppppp -> int",
     )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler, with_compiler
+from dualwinch.codegen.compiler import SCHEDULED, Compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
@@ -95,23 +95,20 @@ class Stepping:
 
 @with_compiler
 @GRAPHS.cached
-def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | None = None) -> Stepping:
+def compile_stepping(compiler: Compiler, commanded: Commanded, *, exact: bool) -> Stepping:
     """Compile (or find in the cache) and load the stepping of runs; see `compile_rollout`.
 
     Args:
+        compiler: that of `find_compiler`, no argument of the caller.
         commanded: the system.
         exact: with the operations of a single rollout, one run after the other; else `LANES` runs in parallel, with
             elementary functions of a relative error up to 1e-9.
-        compiler: default: that of `find_compiler`.
     """
-    c_compiler = compiler or find_compiler()
-    flags = lane_flags(c_compiler) if not exact else () if c_compiler.is_clang else SCHEDULED
+    flags = lane_flags(compiler) if not exact else () if compiler.is_clang else SCHEDULED
     signatures = {"prepare": "pp", "look": "pnn", "odd_command": "p -> n", "step": "pnnnp -> n"}
     functions = *commanded.system.functions, commanded.sense
     made_of = recipe(functions, "stepping", commanded.system.parts, commanded.commands, exact)
-    driver = loaded(
-        lambda: stepping_source(commanded, c_compiler, exact=exact), c_compiler, flags, made_of, **signatures
-    )
+    driver = loaded(lambda: stepping_source(commanded, compiler, exact=exact), compiler, flags, made_of, **signatures)
     return Stepping(1 if exact else LANES, commanded.sizes, driver)
 
 

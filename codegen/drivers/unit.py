@@ -35,11 +35,10 @@ def unit(sizes: Mapping[str, int], functions: Iterable[ca.Function], *texts: str
         if function.name_out() == ["derived"]
     }
     lines = [f"#define {name} {size}" for name, size in (dict(sizes) | derived).items()]
-    return "\n".join([*lines, *(_text(part) for part in ("driver.h", *texts))])
-
-
-def _text(part: str) -> str:
-    return c_file(part) if part.endswith((".c", ".h")) and "\n" not in part else part
+    lines += [
+        c_file(text) if text.endswith((".c", ".h")) and "\n" not in text else text for text in ("driver.h", *texts)
+    ]
+    return "\n".join(lines)
 
 
 def c_file(name: str) -> str:

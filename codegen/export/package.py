@@ -135,14 +135,14 @@ class PreparedBlock:
         step, initial, output: functions of the block; in single precision the step has the additional argument and
             result ``lost`` (`codegen.export.package`).
         rules: the block's requirements on parameters, in plain operations.
-        kept: the parameters that these read in addition to the derived values.
+        parameters: the parameters that these read in addition to the derived values.
     """
 
     derive: ca.Function
     step: ca.Function
     initial: ca.Function
     output: ca.Function | None
-    kept: tuple[Variable, ...]
+    parameters: tuple[Variable, ...]
     rules: ca.Function | None = None
 
     @property
@@ -282,7 +282,7 @@ def c_package(
     bodies = _bodies(written, prepared_block, precision)
     facts = {
         "block": written,
-        "kept": prepared_block.kept,
+        "kept": prepared_block.parameters,
         "derived": prepared_block.derived,
         "lost": prepared_block.lost,
         "mark": _mark(prepared_block, bodies["derive"]),
@@ -364,7 +364,7 @@ def _bodies(block: Block, apart: PreparedBlock, precision: Precision) -> dict[st
 
 def _mark(apart: PreparedBlock, derive: str) -> str:
     """A nonzero C constant that identifies the layout and computation of the prepared values."""
-    text = "".join([*(variable.name for variable in apart.kept), derive])
+    text = "".join([*(variable.name for variable in apart.parameters), derive])
     return f"0x{zlib.crc32(text.encode()) | 1:08x}"
 
 

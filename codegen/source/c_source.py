@@ -62,7 +62,7 @@ def lane_sizes(*, paired: bool) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class LaneLayout:
-    """Layout of a function in lanes: arrays have the stride `apart`, and functions of `elementary.h` are inlined.
+    """Layout of a function in lanes: arrays have the `stride`, and functions of `elementary.h` are inlined.
 
     A function of the parameters alone is called for one lane at a time, and not inlined.
 
@@ -70,13 +70,13 @@ class LaneLayout:
         paired: whether a call processes a lane and the one lanes/2 further on, statement by statement, to hide the
             latency of instructions.
         shared: arguments that are the same in all lanes.
-        apart: the number of lanes as C text.
+        stride: the number of lanes as C text.
         packed: input → the elements in its array, in order; other arrays hold all elements.
     """
 
     paired: bool
     shared: Collection[str] = ()
-    apart: str = "LANES"
+    stride: str = "LANES"
     packed: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     style = Style(compares=True, inlined=True)
@@ -90,11 +90,11 @@ class LaneLayout:
 
     def _element(self, name: str, element: int) -> str:
         position = self.packed[name].index(element) if name in self.packed else element
-        return f"{name}[{position}]" if name in self.shared else f"{name}[{position}*{self.apart}]"
+        return f"{name}[{position}]" if name in self.shared else f"{name}[{position}*{self.stride}]"
 
     def _half_further(self, name: str, element: int) -> str:
         here = self._element(name, element)
-        return here if name in self.shared else f"{here[:-1]}+{self.apart}/2]"
+        return here if name in self.shared else f"{here[:-1]}+{self.stride}/2]"
 
 
 def c_source(

@@ -51,13 +51,11 @@ class GraphCache:
         limit: limit of the estimated bytes of all results and their arguments.
         per_instruction: bytes per instruction of a CasADi function: 75 for its node and its entry in the algorithm, the
             rest for sparsity patterns and derivatives that CasADi keeps.
-        sample: largest number of elements of a sequence that are measured; longer sequences are extrapolated.
     """
 
-    def __init__(self, limit: int = 512 << 20, per_instruction: int = 110, sample: int = 100) -> None:
+    def __init__(self, limit: int = 512 << 20, per_instruction: int = 110) -> None:
         self.limit = limit
         self.per_instruction = per_instruction
-        self.sample = sample
         self.size = 0
         """Estimated bytes of the cached results."""
         self._kept: OrderedDict[_Call, tuple[Any, set[ca.Function], int]] = OrderedDict()
@@ -100,7 +98,10 @@ class GraphCache:
         return found
 
     def _bytes_beside_functions(self, value: object, functions: set[ca.Function]) -> int:
-        """Estimated bytes of a value without CasADi functions, which are added to `functions`."""
+        """Estimated bytes of a value without CasADi functions, which are added to `functions`.
+
+        A hundred elements of a longer sequence are measured, and the rest is extrapolated.
+        """
         if isinstance(value, ca.Function):
             functions.add(value)
             return 0
@@ -112,7 +113,7 @@ class GraphCache:
             parts = [getattr(value, field.name) for field in fields(value)]
         else:
             return sys.getsizeof(value)
-        counted = parts[:: -(-len(parts) // self.sample) or 1]
+        counted = parts[:: -(-len(parts) // 100) or 1]
         size = sum(self._bytes_beside_functions(part, functions) for part in counted)
         return sys.getsizeof(value) + (size * len(parts) // len(counted) if counted else 0)
 

@@ -43,20 +43,20 @@ class Reciprocals:
 
 @dataclass(frozen=True)
 class _Value:
-    """A value in a function: `fixed` if it depends on the parameters alone, else optionally fixed `factor` × `rest`."""
+    """A value in a function: `fixed` if it depends on the parameters alone, else perhaps `factor` × `remainder`."""
 
-    whole: ca.SX
+    value: ca.SX
     fixed: bool = False
     factor: ca.SX | None = None
-    rest: ca.SX | None = None
+    remainder: ca.SX | None = None
 
     def times(self, factor: ca.SX) -> "_Value":
         """The product with a fixed factor, combined with the present factor."""
-        rest = self.whole if self.rest is None else self.rest
+        remainder = self.value if self.remainder is None else self.remainder
         if self.factor is not None:
             constant = self.factor.is_constant() and factor.is_constant()
             factor = ca.SX(float(self.factor) * float(factor)) if constant else self.factor * factor
-        return _Value(factor * rest, factor=factor, rest=rest)
+        return _Value(factor * remainder, factor=factor, remainder=remainder)
 
 
 class Rewriting:
@@ -88,7 +88,7 @@ class Rewriting:
         for step, instruction in enumerate(instructions(function)):
             if instruction.operation == ca.OP_OUTPUT:
                 vector, element = instruction.written
-                outputs[vector][element] = self._values[self._operands[step][0]].whole
+                outputs[vector][element] = self._values[self._operands[step][0]].value
             else:
                 self._values[step] = self._value(step, instruction)
         self.outputs = [ca.vertcat(*elements) for elements in outputs]
@@ -106,26 +106,26 @@ class Rewriting:
                 return self._product(step, *operands)
             if operation == ca.OP_DIV:
                 return self._quotient(step, *operands)
-            if operation in SCALINGS and operands[0].rest is not None:
+            if operation in SCALINGS and operands[0].remainder is not None:
                 return operands[0].times(ca.SX(SCALINGS[operation]))
-        return _Value(applied(operation, [value.whole for value in operands]), all(value.fixed for value in operands))
+        return _Value(applied(operation, [value.value for value in operands]), all(value.fixed for value in operands))
 
     def _product(self, step: int, left: _Value, right: _Value) -> _Value:
         if left.fixed or right.fixed:
-            return right.times(left.whole) if left.fixed else left.times(right.whole)
-        product, operands = left.whole * right.whole, self._operands[step]
+            return right.times(left.value) if left.fixed else left.times(right.value)
+        product, operands = left.value * right.value, self._operands[step]
         for scaled, other, operand in ((left, right, operands[0]), (right, left, operands[1])):
-            if scaled.rest is not None and self._uses[operand] == self._uses[step] == 1:
-                return _Value(product, factor=scaled.factor, rest=scaled.rest * other.whole)
+            if scaled.remainder is not None and self._uses[operand] == self._uses[step] == 1:
+                return _Value(product, factor=scaled.factor, remainder=scaled.remainder * other.value)
         return _Value(product)
 
     def _quotient(self, step: int, left: _Value, right: _Value) -> _Value:
         if right.fixed:
-            return left.times(self._reciprocals.of(right.whole))
+            return left.times(self._reciprocals.of(right.value))
         divisor = self._operands[step][1]
         if self._divided_by[divisor] > 1:
-            return _Value(left.whole * self._inverses.setdefault(divisor, 1 / right.whole))
-        return _Value(left.whole / right.whole)
+            return _Value(left.value * self._inverses.setdefault(divisor, 1 / right.value))
+        return _Value(left.value / right.value)
 
 
 def _column(values: Sequence[ca.SX]) -> ca.SX:

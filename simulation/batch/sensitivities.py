@@ -28,7 +28,7 @@ from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_s
 from dualwinch.simulation.loop.structure import LoopStructure, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
-from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.page import new_page, scenario
 from dualwinch.simulation.plots.style import GREY, PALETTE, law_label, looks
 from dualwinch.simulation.plots.traces import thin
 from dualwinch.simulation.prepare import prepare
@@ -386,13 +386,13 @@ def _differentiate(
         state, tangent = start.copy(), np.ascontiguousarray(by_parameters @ directions)
         into = result.slopes[at] if count == width == len(seeds.names) else None
         outputs = run(vector, directions, outside, state, tangent, stride, seeds.tangents(*pair, batch, width), into)
-        completed, rows = outputs.outcome == Outcome.COMPLETED, len(outputs.first)
+        completed, rows = outputs.outcome == Outcome.COMPLETED, len(outputs.state)
         samples = slice(0, rows * max(stride, 1), max(stride, 1))
         result.outcomes[at] = WORDS[outputs.outcome]
-        result.end_times[at] = outputs.done * pairs.shared.simulation.sample_time
-        result.errors[at][:rows] = outputs.first - reference[samples]
+        result.end_times[at] = outputs.samples * pairs.shared.simulation.sample_time
+        result.errors[at][:rows] = outputs.state - reference[samples]
         if into is None:
-            result.slopes[at][:rows, among] = outputs.first_tangents[:, :count]
+            result.slopes[at][:rows, among] = outputs.state_tangents[:, :count]
         for number in batch:
             if (name := seeds.names[number]) in FRAME:
                 stepped = numbers | {name: numbers[name] + 1j * COMPLEX_STEP}
@@ -445,14 +445,12 @@ def effects_figure(
     experiment: Experiment,
     changes: Mapping[str, Mapping[str, Floats]],
     quantities: Mapping[str, Quantity],
-    *,
-    ax: GivenAxes = None,
 ) -> "Figure":
     """First-order changes of columns of a run (column → label → (samples,)), one panel per column."""
     t: Floats = np.arange(experiment.samples, dtype=np.float64) * experiment.simulation.sample_time
     styles = looks(next(iter(changes.values())), PALETTE[::-1])
     height, words = 1.2 + 1.6 * len(changes) + 0.09 * len(styles), f"{law_label(experiment)}; {scenario(experiment)}"
-    with new_page(ax, height, "Changes to first order", words) as page:
+    with new_page(None, height, "Changes to first order", words) as page:
         panels = page.panels(len(changes), sharex=True)
         for axes, (column, lines) in zip(panels, changes.items(), strict=True):
             axes.axhline(0.0, color=GREY, linewidth=0.7)

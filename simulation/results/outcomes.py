@@ -103,10 +103,10 @@ def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:
     )
 
 
-def concatenated(parts: Sequence[RunOutcomes], axis: int = -1) -> RunOutcomes:
-    """Concatenate runs along an axis, with the figures of merit of the first part."""
+def concatenated(parts: Sequence[RunOutcomes]) -> RunOutcomes:
+    """Concatenate runs along their last axis, with the figures of merit of the first part."""
     return RunOutcomes(
-        outcomes=np.concatenate([part.outcomes for part in parts], axis),
-        end_times=np.concatenate([part.end_times for part in parts], axis),
-        metrics={name: np.concatenate([part.metrics[name] for part in parts], axis) for name in parts[0].metrics},
+        outcomes=np.concatenate([part.outcomes for part in parts], -1),
+        end_times=np.concatenate([part.end_times for part in parts], -1),
+        metrics={name: np.concatenate([part.metrics[name] for part in parts], -1) for name in parts[0].metrics},
     )

@@ -198,7 +198,7 @@ class _Package:
     def _structures(self) -> tuple[Structure, ...]:
         block, name, real = self.block, self.name, self.style.real
         derived, lost = self.apart.derived, self.apart.lost
-        members = [PlcVariable(self.named(variable), real) for variable in self.apart.kept]
+        members = [PlcVariable(self.named(variable), real) for variable in self.apart.parameters]
         follows = PlcVariable("derived", f"ARRAY[0..{derived - 1}] OF {real}", "", "derived from parameters")
         valid = PlcVariable("valid", "BOOL", "FALSE", "whether this has been prepared")
         took = PlcVariable("lost", f"ARRAY[0..{lost - 1}] OF {real}", "", "rounding errors of sums")
@@ -266,7 +266,7 @@ class _Package:
             "IF invalid_parameter = 0 THEN",
             *(
                 f"  prepared.{self.named(parameter)} := parameters.{self.named(parameter)};"
-                for parameter in self.apart.kept
+                for parameter in self.apart.parameters
             ),
             *derive,
             "  prepared.valid := TRUE;",

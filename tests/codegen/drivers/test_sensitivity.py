@@ -126,4 +126,4 @@ def test_plant_signals_and_columns() -> None:
             assert ours == pytest.approx(quotient, abs=1e-5 * np.abs(quotient).max()), number
         rows = compile_rollout(system)(PARAMETERS, exogenous, start.copy(), 3)[2]
         assert found.rows[:, ::-1] == pytest.approx(rows, rel=1e-9, abs=1e-12)
-        assert found.row_tangents[:, 1] == pytest.approx(found.first_tangents, rel=1e-12)
+        assert found.row_tangents[:, 1] == pytest.approx(found.state_tangents, rel=1e-12)
