@@ -1,10 +1,12 @@
 """Settings of the property tests, and the runs that several tests look at, each done once."""
 
 import gc
+import math
 import os
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from functools import cache
+from time import process_time
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +20,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
-from tests.tiers import COLLECTED, FULL, QUICK
+from tests.tiers import COLLECTED, FULL, QUICK, too_long
 
 # Threads of linear algebra take turns with other workers on the cores, and wait by spinning: tests of linear loops took
 # twice the processor time. The variable is for libraries that are loaded later, as SciPy's, and for other processes.
@@ -31,8 +33,23 @@ settings.load_profile("quick")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--attack 50``: the tests in ``tests/attack`` try so many times as much."""
+    """``--attack 50``: the tests in ``tests/attack`` try so many times as much; ``--longest 1.5``: see below."""
     parser.addoption("--attack", type=int, default=1, help="how many times as hard tests/attack attacks as by default")
+    words = "an unmarked test that takes more processor time than this, compilers not counted, fails"
+    parser.addoption("--longest", type=float, default=math.inf, metavar="SECONDS", help=words)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """``--longest 1.5``: a quick test that takes longer fails."""
+    begin = process_time()
+    result = yield
+    words = too_long(
+        process_time() - begin, item.config.getoption("longest"), (mark.name for mark in item.iter_markers())
+    )
+    if words:
+        pytest.fail(words, pytrace=False)
+    return result
 
 
 @pytest.hookimpl(tryfirst=True)

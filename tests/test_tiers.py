@@ -1,3 +1,4 @@
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 
@@ -5,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.tiers import COLLECTED, FULL, QUICK, choice_of_pairs, each_choice, examples, pairwise
+from tests.tiers import COLLECTED, FULL, QUICK, choice_of_pairs, each_choice, examples, pairwise, too_long
 
 
 def test_a_file_with_slow_tests_has_a_quick_one(request: pytest.FixtureRequest) -> None:
@@ -51,3 +52,17 @@ def test_quick_examples_are_fewer(full: int, quick: int) -> None:
 
     counted()
     assert len(tried) == expected
+
+
+@pytest.mark.parametrize(
+    ("seconds", "markers", "wrong"),
+    [
+        (1.4, (), False),
+        (1.6, (), True),
+        (1.6, ("parametrize",), True),
+        (1.6, ("slow",), False),
+        (9.0, ["external"], False),
+    ],
+)
+def test_a_quick_test_that_takes_long_fails(seconds: float, markers: Iterable[str], wrong: bool) -> None:
+    assert bool(too_long(seconds, 1.5, markers)) is wrong

@@ -19,6 +19,13 @@ COLLECTED = pytest.StashKey[list[pytest.Item]]()
 """All tests that were collected, before those of other tiers are deselected."""
 
 
+def too_long(seconds: float, limit: float, markers: Iterable[str]) -> str:
+    """What is wrong with a quick test that takes so much processor time; empty for those in another tier."""
+    if seconds <= limit or {"slow", "external"} & {*markers}:
+        return ""
+    return f"{seconds:.1f} s of processor time, more than {limit:g} s: make it shorter, or mark it slow"
+
+
 def in_full() -> bool:
     """Whether property tests try all of their examples (profile ``full``); to be asked outside of them."""
     return settings().max_examples == FULL
