@@ -121,6 +121,13 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
         ("mean.slack_share<=-1%", "nothing satisfies it, no run has less than 0"),
         ("mean.saturated_share<=150%", "all runs satisfy it, none has more than 1"),
         ("worst.phase_margin>=400deg", "must be at most 180 deg, half a turn"),
+        ("worst.dealy_margin>=5ms", "did you mean 'delay_margin'? Must be one of gain_margin, phase_margin, delay"),
+        ("mean.delay_margin>=5ms", "a margin must be bounded as worst.delay_margin"),
+        ("delay_margin>=5ms", "a margin must be bounded as worst.delay_margin"),
+        ("worst.delay_margin>=5mm", 'unit "mm": must be one of s, ms, us, ns, min, h'),
+        ("worst.gain_margin>=6deg", 'unit "deg": must be one of dB'),
+        ("worst.phase_margin>=1s", 'unit "s": must be one of deg, rad'),
+        ("worst.disk_margin>=1dB", 'unit "dB": must be a plain number'),
     ],
 )
 def test_wrong_constraints_are_one_line(text: str, message: str) -> None:

@@ -56,28 +56,6 @@ def test_bounds_come_with_units(text: str, limit: float, label: str) -> None:
     assert found.label == label
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            "worst.dealy_margin>=5ms",
-            "did you mean 'delay_margin'? Must be one of gain_margin, phase_margin, delay_margin,",
-        ),
-        ("mean.delay_margin>=5ms", "a margin must be bounded as worst.delay_margin"),
-        ("delay_margin>=5ms", "a margin must be bounded as worst.delay_margin"),
-        ("worst.delay_margin>=5mm", 'unit "mm": must be one of s, ms, us, ns, min, h'),
-        ("worst.gain_margin>=6deg", 'unit "deg": must be one of dB'),
-        ("worst.phase_margin>=1s", 'unit "s": must be one of deg, rad'),
-        ("worst.disk_margin>=1dB", 'unit "dB": must be a plain number'),
-    ],
-)
-def test_wrong_margins_are_one_line(text: str, message: str) -> None:
-    with pytest.raises(ConfigurationError) as caught:
-        bound(text)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 def test_where_drums_swing_on_their_ropes_their_resonance_has_to_be_damped() -> None:
     """By default, where ropes have mass or winches are heavy and the law is one that the rule is about."""
 

@@ -268,22 +268,31 @@ def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_sta
     assert study["trials"]["origin"][0] == "start"
 
 
-def test_a_log_says_how_far_a_phase_is_every_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("patient", "steps", "lines"),
+    [
+        (
+            False,
+            [(0.0, 0.0, "fitting"), (5.0, 0.1, ""), (12.0, 0.25, ""), (13.0, 0.3, "")],
+            ["fitting", "fitting, 25 % · 36 s left"],
+        ),
+        (
+            True,
+            [(5.0, 0.1, ""), (12.0, 0.25, ""), (13.0, 0.3, "drawing"), (24.0, 0.3, "")],
+            ["simulating, 25 % · 36 s left", "drawing, 30 %"],
+        ),
+    ],
+)
+def test_a_log_says_how_far_a_phase_is_every_ten_seconds(
+    patient: bool, steps: list[tuple[float, float, str]], lines: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     now, log = [0.0], StringIO()
     monkeypatch.setattr("dualwinch.cli.progress.time.monotonic", lambda: now[0])
-    line = ProgressLine(command="identify", console=Console(file=log, width=80))
-    for now[0], fraction, phase in ((0.0, 0.0, "fitting"), (5.0, 0.1, ""), (12.0, 0.25, ""), (13.0, 0.3, "")):
+    words = ("simulating",) if patient else ()
+    line = ProgressLine(*words, command="identify", patient=patient, console=Console(file=log, width=80))
+    for now[0], fraction, phase in steps:
         line(fraction, phase)
-    assert log.getvalue() == "identify: fitting\nidentify: fitting, 25 % · 36 s left\n"
-
-
-def test_a_patient_line_is_silent_in_a_log_for_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    now, log = [0.0], StringIO()
-    monkeypatch.setattr("dualwinch.cli.progress.time.monotonic", lambda: now[0])
-    line = ProgressLine("simulating", command="sweep", patient=True, console=Console(file=log, width=80))
-    for now[0], fraction, phase in ((5.0, 0.1, ""), (12.0, 0.25, ""), (13.0, 0.3, "drawing"), (24.0, 0.3, "")):
-        line(fraction, phase)
-    assert log.getvalue() == "sweep: simulating, 25 % · 36 s left\nsweep: drawing, 30 %\n"
+    assert log.getvalue().splitlines() == [f"identify: {each}" for each in lines]
 
 
 def test_what_was_compiled_is_said_with_its_time() -> None:

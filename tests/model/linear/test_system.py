@@ -1,5 +1,6 @@
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -77,29 +78,9 @@ def test_inputs_and_outputs_are_chosen_by_name() -> None:
 
 def test_names_must_fit_the_matrices_and_have_units() -> None:
     with pytest.raises(ConfigurationError, match=r"B has the shape \(2, 2\): must be \(2, 1\) for these names"):
-        LinearSystem(
-            OSCILLATOR.A,
-            OSCILLATOR.B,
-            OSCILLATOR.C,
-            OSCILLATOR.D,
-            dt=None,
-            states=("a", "b"),
-            inputs=("u",),
-            outputs=("y",),
-            units={},
-        )
-    with pytest.raises(ConfigurationError, match="no unit for 'u'"):
-        LinearSystem(
-            np.eye(1),
-            np.eye(1),
-            np.eye(1),
-            np.eye(1),
-            dt=None,
-            states=("a",),
-            inputs=("u",),
-            outputs=("y",),
-            units={"a": "1"},
-        )
+        replace(OSCILLATOR, inputs=("force",))
+    with pytest.raises(ConfigurationError, match="no unit for 'force'"):
+        replace(OSCILLATOR, units={name: unit for name, unit in OSCILLATOR.units.items() if name != "force"})
 
 
 @pytest.mark.parametrize("system", [OSCILLATOR, OSCILLATOR.discretised(0.05)], ids=["continuous", "discrete"])

@@ -55,19 +55,40 @@ def test_a_name_with_its_module_needs_no_import() -> None:
     assert "dualwinch/Case4-v0" in run.stdout
 
 
+@pytest.mark.parametrize("make", [Environment, VectorEnvironment])
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
+        ({"experiment": "case-5"}, "case-5"),
+        ({"hold": 0}, "hold = 0: must be a whole number >= 1"),
+        ({"command": "speed"}, 'command = "speed": must be "torques" or "force"'),
         ({"reward": 5}, "reward: must be a Reward, or weights by name, not int"),
         ({"reward": {"slack": "a"}}, "reward.slack = a: must be a finite number >= 0"),
+        ({"reward": {"slack": -1.0}}, "reward.slack = -1.0: must be a finite number >= 0"),
+        ({"reward": {"slak": 1.0}}, "reward: unknown weight 'slak'; did you mean 'slack'"),
         ({"normalised": "a"}, "normalised = 'a': must be True or False"),
         ({"render_mode": "human"}, "render_mode = 'human': must be None"),
     ],
 )
-def test_wrong_arguments_are_said(given: dict[str, Any], message: str) -> None:
-    for make in (Environment, VectorEnvironment):
-        with pytest.raises(ConfigurationError, match=message):
-            make(**given)
+def test_what_makes_no_environment_is_named(make: Any, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        make(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda envs: envs.reset(seed=[1]), "seed: has 1 numbers: must have 2, one a lane"),
+        (lambda _: VectorEnvironment(2, command="torques").step(np.zeros(2)), "action: must be of Dict"),
+        (lambda envs: envs.step(np.zeros(3)), "action: must be of Box"),
+        (lambda envs: envs.step(np.array([0.0, np.nan])), r"force\[1\] = nan: must be finite"),
+    ],
+)
+def test_wrong_seeds_and_actions_are_named(call: Any, message: str) -> None:
+    envs = VectorEnvironment(2, short())
+    envs.reset(seed=0)
+    with pytest.raises(ConfigurationError, match=message):
+        call(envs)
 
 
 def test_seeds_are_whole_numbers_and_copies_go_on_by_themselves() -> None:
@@ -228,31 +249,6 @@ def test_the_first_episodes_of_a_seed_are_scenarios_of_the_ensemble() -> None:
     task.start(np.arange(2), [7, 8], [0, 3])
     drawn = [scenario.draws for scenario in task.stepper.scenarios]
     assert drawn == [sea.scenario(0, 7).draws, sea.scenario(3, 8).draws]
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Environment("case-5"), "case-5"),
-        (lambda: Environment(hold=0), "hold = 0: must be a whole number >= 1"),
-        (lambda: Environment(reward={"slack": -1.0}), "reward.slack = -1.0: must be a finite number >= 0"),
-        (lambda: Environment(reward={"slak": 1.0}), "reward: unknown weight 'slak'; did you mean 'slack'"),
-        (lambda: Environment(command="speed"), 'command = "speed": must be "torques" or "force"'),  # pyright: ignore[reportArgumentType]
-        (lambda: VectorEnvironment(2).reset(seed=[1]), "seed: has 1 numbers: must have 2, one a lane"),
-        (lambda: VectorEnvironment(2, command="torques").step(np.zeros(2)), "action: must be of Dict"),
-        (lambda: VectorEnvironment(2).step(np.zeros(3)), "action: must be of Box"),
-    ],
-)
-def test_what_makes_no_environment_is_named(make: Any, message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        make()
-
-
-def test_an_action_that_is_no_number_is_named() -> None:
-    envs = VectorEnvironment(2, short())
-    envs.reset(seed=0)
-    with pytest.raises(ConfigurationError, match=r"force\[1\] = nan: must be finite"):
-        envs.step(np.array([0.0, np.nan]))
 
 
 def test_without_gymnasium_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
