@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from dualwinch.analysis import resonance
 from dualwinch.analysis.describing_function import amplitude_sweep
-from dualwinch.analysis.large_signal import LargeSignalStability, large_signal_stability
+from dualwinch.analysis.large_signal import LargeSignalStability
 from dualwinch.analysis.linear_loop import closed, fastest_growing
 from dualwinch.analysis.margins import Margins, margins
-from dualwinch.analysis.remarks import in_words
+from dualwinch.analysis.remarks import in_words, stability_of
 from dualwinch.analysis.stability import SLIDING_MODE
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, Mode, modes, numbered, plant_prefix, track_modes
 from dualwinch.model.linear.operating_point import OperatingPoint
 from dualwinch.model.linear.properties import dc_gains, is_controllable, is_stable, sufficient_sensors
@@ -134,9 +133,7 @@ def resonance_figures(experiment: Experiment, x: float | None = None) -> Figures
 
 def _large_signal_figures(experiment: Experiment) -> Figures:
     """Large-signal stability at rest at mid-track; none without steady motion there."""
-    try:
-        stability = large_signal_stability(experiment)
-    except ConfigurationError:
+    if (stability := stability_of(experiment)) is None:
         return []
     columns = [FigureColumn.of(name, leaf.quantity) for name, leaf in describe(LargeSignalStability).items()]
     return [

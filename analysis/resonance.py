@@ -35,14 +35,13 @@ from dualwinch.controllers.coordinations.command_shaping import attenuation, dru
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.observer import inference
-from dualwinch.model.heavy_ropes import end_mass, rope_on_drum
+from dualwinch.model.drum_on_rope import moving_mass, wave_impedance
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.model.ropes import rope_lengths, tangent_rope
+from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import Scalar, present, sqrt
 from dualwinch.model.vehicle import inertia
-from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import LoopStructure, parameters_of, structure_of, symbolic_parts
 
@@ -69,9 +68,6 @@ UNDECIDED = (0.8, 1.25)
 
 LINEAR_SPEED = "controller.nftsm.linear_speed"
 """Key of the speed error above which the law is linear; absent where it is a power throughout."""
-
-STEEL_ROPE = 2.36
-"""Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes modelled without mass."""
 
 
 @dataclass(frozen=True)
@@ -140,9 +136,8 @@ def matched_damping(experiment: Experiment, winch: int) -> float:
     """
     plant = experiment.plant
     side, length = plant.sides[winch - 1], plant.track.length / 2 + plant.track.rope_offset
-    rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
-    impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
-    return impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
+    impedance = wave_impedance(side.rope, experiment.controller.limits.preload / 2, length)
+    return float(impedance * side.winch.drum_radius**2 / side.winch.gear_ratio)
 
 
 def resonance_terms(
@@ -181,16 +176,15 @@ def _terms(structure: LoopStructure) -> ca.Function:
         winch, rope = side.winch, side.rope
         loop = getattr(coordination, f"winch_{side.number}", no_loop).on(length, plant.track)
         to_force = winch.gear_ratio / winch.drum_radius
-        wound = rope_on_drum(rope, length, plant.track) - end_mass(rope, length)
-        mass = total_inertia(winch) / winch.drum_radius**2 + wound + 4 / math.pi**2 * rope.mass_per_length * length
-        spring, own_damping = rope.tangent(controller.limits.preload / 2, length)
+        mass = moving_mass(side, length, plant.track)
+        spring, rope_damping = rope.tangent(controller.limits.preload / 2, length)
         omega = sqrt(spring / mass)
         law = inertia_ratio * (slope + _observer_gain(controller.law, amplitude, omega))
         if present(loop.shaping):
             tension = controller.limits.preload / 2
             law *= attenuation(omega, drum_resonance(sheet, tension, length, nominal.track, loop.damping), loop.shaping)
         feedback = law + loop.ki * to_force
-        damping = own_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
+        damping = rope_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
         terms += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
     return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*terms))])
 

@@ -5,7 +5,6 @@ They draw a sweep of systems along the quantity `swept`, which is x, v or preloa
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import cycle
 from typing import Any
 
@@ -19,6 +18,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from dualwinch.analysis.describing_function import AmplitudePoint
+from dualwinch.analysis.linear_figures import listed_modes
 from dualwinch.analysis.margins import Margins, continuous_loci
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import (
@@ -26,7 +26,6 @@ from dualwinch.model.linear.modes import (
     Mode,
     displacements,
     modes,
-    numbered,
     plant_prefix,
     track_modes,
 )
@@ -186,9 +185,7 @@ def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> 
     prefix = plant_prefix(system.states)
     if prefix is None:
         raise ConfigurationError("mode shapes need the states of the plant: there are none in this system")
-    system_modes = modes(system, plant)
-    labels = numbered([mode.label for mode in system_modes])
-    system_modes = [replace(mode, label=label) for mode, label in zip(system_modes, labels, strict=True)]
+    system_modes = listed_modes(modes(system, plant), of_loop=False)
     rows = -(-len(system_modes) // 2)
     with new_page(ax, 1.0 + 1.6 * rows, "Mode shapes of the plant", _point_in_words(system, None)) as page:
         panels = page.panels(rows, 2, order="C", sharex=True, sharey=True)
