@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from dualwinch.cli.options import ExperimentOptions, use_parts
+from dualwinch.cli.output import note
 
 
 def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | None = None, start: bool = False) -> None:
@@ -50,6 +51,7 @@ def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | No
 def _start(given: ExperimentOptions, ensemble: str | None) -> str:
     """A start of ``tune`` as TOML, designed for the machine, with the reasons for what nobody has named."""
     from dualwinch.analysis.design import designed
+    from dualwinch.analysis.stability import SLIDING_MODE
     from dualwinch.config.experiment_file import checked_keys, own_keys, to_toml
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.tuning.tuning_problem import named_keys, tuning_problem
@@ -62,6 +64,10 @@ def _start(given: ExperimentOptions, ensemble: str | None) -> str:
         machine = experiment if problem.ensemble is None else problem.drawn_ensemble
         design = designed(machine, kept=named)
         experiment, words = design.experiment, [*words, *str(design).splitlines()]
+    elif isinstance(experiment.controller.law, SLIDING_MODE):
+        note("--start: gains as described; without --ensemble, drums that hardly swing on their ropes need no design")
+    else:
+        note(f"--start: gains as described; '{experiment.controller.law.kind}' has no design")
     values, usual = leaves(experiment), leaves(before)
     differing = {key for key, value in values.items() if usual.get(key) != value}
     mine = own_keys(given.config) | given.values.keys() | differing if given.config else None

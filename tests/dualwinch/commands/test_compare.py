@@ -237,3 +237,16 @@ def test_marks_stay_until_they_are_taken_out(tmp_path: Path, capsys: pytest.Capt
     said = capsys.readouterr()
     assert "still the default" not in said.err
     assert re.search(r"^normal_force = 4900\.0 +# \[N\]", said.out, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"), [((), "drums that hardly swing"), (("--set", "controller.kind=lqi"), "'lqi' has no design")]
+)
+def test_config_says_where_a_start_is_no_design(
+    words: tuple[str, ...], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[plant.track]\nlength = 80\n")
+    main(["config", "--config", str(mine), "--start", *words])
+    assert "note: --start: gains as described; " in (said := capsys.readouterr().err)
+    assert reason in said
