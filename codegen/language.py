@@ -1,6 +1,7 @@
 """Statements of a CasADi function in C, or in a language of one's own (`Style`)."""
 
-from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
+from dualwinch.codegen.source.c_source import LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.casadi_c import lacking
 from dualwinch.codegen.source.expressions import GRAPHS, built_once, instructions
 from dualwinch.codegen.source.hoist import hoisted, hoisted_together
@@ -12,15 +13,21 @@ __all__ = [
     "GRAPHS",
     "PRECISIONS",
     "Element",
+    "JacobianProduct",
+    "LaneLayout",
     "Precision",
     "Strand",
     "Style",
+    "Tangents",
     "built_once",
     "c_source",
     "hoisted",
     "hoisted_together",
     "instructions",
+    "jacobian_product",
     "lacking",
+    "lane_flags",
+    "lane_sizes",
     "literal",
     "name_of",
     "rolled_statements",

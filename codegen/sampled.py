@@ -1,4 +1,4 @@
-"""Sampled systems as named CasADi functions, for the compiled drivers and for the filter over a log."""
+"""Sampled systems as named CasADi functions, for the compiled drivers."""
 
 from dataclasses import dataclass, field
 
@@ -56,51 +56,4 @@ class Sampled:
             "HAS_ONE_STEP": int(self.one_step is not None),
             "HAS_FAST_SAMPLE": int(self.fast_sample is not None),
             "PHASE": self.phase,
-        }
-
-
-@dataclass(frozen=True)
-class PredictedSystem:
-    """A sampled system with recorded inputs, sensors, and parameters to be fitted.
-
-    The state begins with the continuous part, `motion`; the rest changes at a sample. All functions have dense SX
-    expressions.
-
-    Attributes:
-        sense: ``sense(state, input, parameters) -> reading``.
-        prepare: ``prepare(state, input, parameters) -> (rest, hold)``: the rest of the state at the next sample, and
-            the zero-order hold until then.
-        move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``, over one of `parts` equal parts of the
-            sample interval.
-        parts: number of these parts.
-        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)`` over the sample interval, used
-            wherever ``valid > 0``; or None.
-        fitted: indices of the parameters to be fitted.
-    """
-
-    sense: ca.Function
-    prepare: ca.Function
-    move: ca.Function
-    parts: int
-    one_step: ca.Function | None
-    fitted: tuple[int, ...]
-
-    @property
-    def functions(self) -> tuple[ca.Function, ...]:
-        """All functions there are."""
-        return (self.sense, self.prepare, self.move, *((self.one_step,) if self.one_step else ()))
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Sizes of the vectors, by the names of their C macros."""
-        return {
-            "STATES": self.sense.numel_in("state"),
-            "MOTION": self.move.numel_in("motion"),
-            "REST": self.prepare.numel_out("rest"),
-            "INPUTS": self.sense.numel_in("input"),
-            "READINGS": self.sense.numel_out("reading"),
-            "HOLD": self.prepare.numel_out("hold"),
-            "FITTED": len(self.fitted),
-            "PARTS": self.parts,
-            "HAS_ONE_STEP": int(self.one_step is not None),
         }

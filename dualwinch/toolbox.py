@@ -152,9 +152,9 @@ if TYPE_CHECKING:
     from dualwinch import export
     # what a package in C shares with one in another language: prepared functions, structures, templates
     from dualwinch.codegen.export import package
-    # statements of CasADi functions in C, or in a language of one's own
+    # CasADi functions and products with their Jacobians in C, or in a language of one's own
     from dualwinch.codegen import language
-    # drivers of a sampled system: batches, single steps, real time, prediction
+    # drivers of a sampled system: batches and single steps
     from dualwinch.codegen.drivers import compiled
     # the C source of a driver
     from dualwinch.codegen.drivers import unit as translation_unit

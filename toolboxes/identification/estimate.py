@@ -17,7 +17,6 @@ from dualwinch.toolbox import (
     ConfigurationError,
     Controller,
     Experiment,
-    compiled,
     executors,
     progresses,
     structures,
@@ -31,6 +30,7 @@ from dualwinch.toolboxes.identification.likelihood import (
     initial_measurement_noise,
 )
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
+from dualwinch.toolboxes.identification.prediction import FilterPass, compile_predictor
 from dualwinch.toolboxes.identification.predictor import (
     READINGS,
     NoiseCovariances,
@@ -117,7 +117,7 @@ class PredictionErrorMethod:
         zeros = structures.zeros_of(
             self.structure, structures.parameters_of(replace(experiment, controller=Controller())), varying=keys
         )
-        self._predictor = compiled.compile_predictor(predicted_system(self.structure, keys, zeros))
+        self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]
         self.with_values = partial(_with_values, experiment, keys)  # a bound method would keep logs alive in a cycle
@@ -347,9 +347,7 @@ class PredictionErrorMethod:
         column = READINGS.index("v")
         return any(np.isfinite(section.readings[:, column]).any() for section in self.filters.sections)
 
-    def _backtracked(
-        self, here: Floats, there: Floats, noise: NoiseCovariances
-    ) -> tuple[Floats, list[compiled.FilterPass]]:
+    def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
         """Halve the way from `here` to `there` until no filter diverges; return the values and passes with them."""
         for _ in range(self._search.max_shortenings):
             filtered = self.likelihood.filtered(there, noise)

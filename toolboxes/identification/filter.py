@@ -9,6 +9,13 @@ from numpy.typing import NDArray
 
 from dualwinch.toolbox import Experiment, compiled, executors, leaves, structures
 from dualwinch.toolboxes.identification.options import EstimationOptions
+from dualwinch.toolboxes.identification.prediction import (
+    FilterCovariances,
+    FilterData,
+    FilterPass,
+    FixedGainPrediction,
+    Predictor,
+)
 from dualwinch.toolboxes.identification.predictor import (
     DISTURBANCES,
     NoiseCovariances,
@@ -34,7 +41,7 @@ class LogFilters:
 
     def __init__(
         self,
-        predictor: compiled.Predictor,
+        predictor: Predictor,
         structure: structures.LoopStructure,
         sections: Sequence[LogSection],
         options: EstimationOptions,
@@ -57,17 +64,17 @@ class LogFilters:
         *,
         robust: bool = True,
         samples: int | None = None,
-        into: Sequence[compiled.FilterPass] = (),
+        into: Sequence[FilterPass] = (),
         **how: Any,
-    ) -> list[compiled.FilterPass]:
+    ) -> list[FilterPass]:
         """Filter every section, or only its first `samples`.
 
         A robust filter down-weights outliers (``options.search.outlier``). Passes given as `into` are overwritten.
-        Further arguments are `gains`, `rows` and `watched` of `codegen.drivers.prediction.Predictor.filter`.
+        Further arguments are `gains`, `rows` and `watched` of `prediction.Predictor.filter`.
         """
         known = [*into, *[None] * (len(self.sections) - len(into))]
 
-        def filtered(section: LogSection, into: compiled.FilterPass | None) -> compiled.FilterPass:
+        def filtered(section: LogSection, into: FilterPass | None) -> FilterPass:
             part = section.upto(samples) if samples else section
             return self._filtered(experiment, noise, part, robust=robust, into=into, **how)
 
@@ -75,9 +82,9 @@ class LogFilters:
 
     def _filtered(
         self, experiment: Experiment, noise: NoiseCovariances, section: LogSection, *, robust: bool = True, **how: Any
-    ) -> compiled.FilterPass:
+    ) -> FilterPass:
         data, initial = self.data(experiment, noise, section)
-        covariances = compiled.FilterCovariances(initial, self.process_variances(experiment, noise), noise.measurement)
+        covariances = FilterCovariances(initial, self.process_variances(experiment, noise), noise.measurement)
         outlier = self._options.search.outlier if robust else np.inf
         return self._predictor.filter(self.parameters(experiment, noise), data, covariances, outlier=outlier, **how)
 
@@ -103,16 +110,16 @@ class LogFilters:
         parameters: Floats,
         experiment: Experiment,
         noise: NoiseCovariances,
-        filtered: Sequence[compiled.FilterPass],
+        filtered: Sequence[FilterPass],
         *,
         rows: bool = False,
-    ) -> list[compiled.FixedGainPrediction]:
+    ) -> list[FixedGainPrediction]:
         """Predict every section with given gains; experiment and noise determine the initial states.
 
         Parameters are in the order of `parameters`; with `rows` the innovations are kept.
         """
 
-        def predicted(section: LogSection, own: compiled.FilterPass) -> compiled.FixedGainPrediction:
+        def predicted(section: LogSection, own: FilterPass) -> FixedGainPrediction:
             data, _ = self.data(experiment, noise, section)
             return self._predictor.predict(parameters, data, own, rows=rows)
 
@@ -128,7 +135,7 @@ class LogFilters:
         passes = self.run(experiment, noise, robust=False, rows=True, watched=len(DISTURBANCES))
         parameters = self.parameters(experiment, noise)
 
-        def smoothed(section: LogSection, own: compiled.FilterPass) -> tuple[Floats, Floats, Floats]:
+        def smoothed(section: LogSection, own: FilterPass) -> tuple[Floats, Floats, Floats]:
             data, _ = self.data(experiment, noise, section)
             return np.asarray(own.states), *self._predictor.smooth(parameters, data, own)
 
@@ -140,9 +147,7 @@ class LogFilters:
         predictions = self.predict(self.parameters(experiment, noise), experiment, noise, filtered, rows=True)
         return [each.innovations for each in predictions if each.innovations is not None]
 
-    def data(
-        self, experiment: Experiment, noise: NoiseCovariances, section: LogSection
-    ) -> tuple[compiled.FilterData, Floats]:
+    def data(self, experiment: Experiment, noise: NoiseCovariances, section: LogSection) -> tuple[FilterData, Floats]:
         """A section with its initial state, and the covariance of the state."""
         early = section.readings[: self._options.resampling.first_reading_samples]
         first = early[np.isfinite(early).argmax(axis=0), np.arange(early.shape[1])]
@@ -155,7 +160,7 @@ class LogFilters:
             noise.states,
             self._options.initial_state,
         )
-        return compiled.FilterData(section.inputs, section.readings, start), covariance
+        return FilterData(section.inputs, section.readings, start), covariance
 
     def process_variances(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
         """(states,) variances that process noise adds to the states per sample."""
@@ -171,11 +176,11 @@ class LogFilters:
         return executors.map_all(lambda pair: work(*pair), list(zip(self.sections, along, strict=True)), self._threads)
 
 
-def all_completed(runs: Sequence[compiled.FilterPass | compiled.FixedGainPrediction]) -> bool:
+def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:
     """Whether no filter left the track or diverged."""
     return all(run.outcome == compiled.Outcome.COMPLETED for run in runs)
 
 
-def deviance_of(filtered: Sequence[compiled.FilterPass]) -> float:
+def deviance_of(filtered: Sequence[FilterPass]) -> float:
     """Minus twice the log-likelihood of the innovations of all sections, up to a constant."""
     return 2 * sum(each.negative_log_likelihood for each in filtered)

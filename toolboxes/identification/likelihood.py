@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
-from dualwinch.toolbox import Experiment, compiled, progresses, sensing
+from dualwinch.toolbox import Experiment, progresses, sensing
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed
 from dualwinch.toolboxes.identification.options import NoiseOptions, SearchOptions
+from dualwinch.toolboxes.identification.prediction import FilterPass
 from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
 from dualwinch.toolboxes.identification.unknowns import SearchCoordinates
 
@@ -324,7 +325,7 @@ class NoiseEstimator:
         return sum(each.negative_log_likelihood for each in filtered)
 
     def with_measurement_noise(
-        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[compiled.FilterPass]
+        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
     ) -> NoiseCovariances:
         """Estimate R by expectation maximisation, starting from passes with the given noise."""
         noise, changed = self._em_step(noise, filtered)
@@ -334,9 +335,7 @@ class NoiseEstimator:
             noise, changed = self._em_step(noise, self._filter(experiment, noise, self._samples))
         return noise
 
-    def _em_step(
-        self, noise: NoiseCovariances, filtered: Sequence[compiled.FilterPass]
-    ) -> tuple[NoiseCovariances, float]:
+    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> tuple[NoiseCovariances, float]:
         """One step of expectation maximisation, and the largest change of a variance's logarithm."""
         counts = np.sum([each.counts for each in filtered], axis=0)
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
@@ -345,9 +344,7 @@ class NoiseEstimator:
         variances = np.maximum(np.clip(variances, before / factor, before * factor), min_noise(self._options) ** 2)
         return replace(noise, measurement=variances), float(np.max(np.abs(np.log(variances / before)), initial=0.0))
 
-    def _filter(
-        self, experiment: Experiment, noise: NoiseCovariances, samples: int | None
-    ) -> list[compiled.FilterPass]:
+    def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
         return self._filters.run(experiment, noise, gains=False, samples=samples)
 
 
@@ -433,9 +430,9 @@ class Likelihood:
     ) -> None:
         """Set up; `machine` makes an experiment from values, `columns` are their indices in the filters' parameters."""
         self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
-        self._last: tuple[Floats, NoiseCovariances | None, list[compiled.FilterPass]] = np.zeros(0), None, []
+        self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
 
-    def filtered(self, values: Floats, noise: NoiseCovariances) -> list[compiled.FilterPass]:
+    def filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
         """Passes at given values: those of the last call if it was for the same, else new ones in the same arrays."""
         parameters = self._filters.parameters(self._machine(values), noise)
         last_parameters, last_noise, filtered = self._last
@@ -448,7 +445,7 @@ class Likelihood:
         self,
         values: Floats,
         noise: NoiseCovariances,
-        filtered: Sequence[compiled.FilterPass],
+        filtered: Sequence[FilterPass],
         start: Floats | None = None,
     ) -> Floats:
         """(p + 1, p + 1) normal equations: sums of products of the derivatives by p unknowns and the innovations.
@@ -466,7 +463,7 @@ class Likelihood:
         self,
         values: Floats,
         noise: NoiseCovariances,
-        filtered: Sequence[compiled.FilterPass],
+        filtered: Sequence[FilterPass],
         coordinates: SearchCoordinates,
         tolerance: float = 1e-8,
     ) -> tuple[Floats, Floats]:

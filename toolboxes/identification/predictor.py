@@ -24,13 +24,13 @@ from dualwinch.toolbox import (
     nominal_model,
     parts,
     physics,
-    sampled,
     scalar,
     sensing,
     structures,
     with_leaves,
 )
 from dualwinch.toolboxes.identification.options import InitialStateOptions, NoiseOptions
+from dualwinch.toolboxes.identification.prediction import PredictedSystem
 
 Floats = NDArray[np.float64]
 
@@ -295,7 +295,7 @@ def predicted_system(
     fitted: tuple[str, ...],
     zeros: frozenset[str] = frozenset(),
     slack_substeps: int = 8,
-) -> sampled.PredictedSystem:
+) -> PredictedSystem:
     """The predictor's CasADi functions for a `predictor_structure`.
 
     `fitted` are the keys of the parameters to estimate, some of `parameter_names`; those in `zeros` stay zero
@@ -379,7 +379,7 @@ def predicted_system(
         reading = _row_reading(structure.recorder, groups["recorder"], given, sample_time, readings_after)
     else:
         reading = readings(now.motion, pulls)
-    return sampled.PredictedSystem(
+    return PredictedSystem(
         sense=loops.named_function("sense", symbols, {"reading": reading}),
         prepare=loops.named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
         move=move,

@@ -40,6 +40,7 @@ from dualwinch.toolbox import (
     tree,
     with_leaves,
 )
+from dualwinch.toolboxes.server.paced_run import PacedRun, Pacing
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -185,7 +186,7 @@ class ServedPlant:
 
     In every sample, received datagrams are read, the readings are sent, and the plant advances under the last valid
     command, so that a command acts one sample after the readings that it responds to. All of this is compiled code that
-    does not hold Python's lock (`codegen.drivers.realtime`).
+    does not hold Python's lock (`paced_run`).
 
     Attributes:
         experiment: the experiment, whose controller is replaced by external commands. Results refer to it, so that
@@ -277,7 +278,7 @@ class ServedPlant:
         self._runs.start(np.zeros(1, np.int64), lane.state[np.newaxis], lane.parameters[np.newaxis])
         settings, period = self.settings, self.experiment.simulation.sample_time
         x, v, a = map(self._column, REFERENCE)
-        pacing = compiled.Pacing(
+        pacing = Pacing(
             period=round(1e9 * period / settings.rate),
             lockstep=settings.lockstep,
             may_write=settings.may_write,
@@ -293,7 +294,7 @@ class ServedPlant:
             largest=self._largest,
             edges=tuple(1000 * edge for edge in LATENESS_US),
         )
-        self._run = compiled.PacedRun(self._code, self._runs, self._signals.copy(), pacing, self._socket.fileno())
+        self._run = PacedRun(self._code, self._runs, self._signals.copy(), pacing, self._socket.fileno())
         self._runs.read(0, self._run.table.ctypes.data)
         self._runs.look()
         self._written, self._lease = leaves(Inputs()), None

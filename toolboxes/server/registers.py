@@ -109,7 +109,7 @@ def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
 
 
 COMMAND_MAGIC, MEASUREMENT_MAGIC = b"DWC1", b"DWM1"
-"""First bytes of datagrams from and to clients, as in codegen/drivers/realtime.c."""
+"""First bytes of datagrams from and to clients, as in paced_run.c."""
 
 
 def udp_client(block: blocks.Block, name: str, provenance: package.Provenance) -> str:

@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.prediction import FilterCovariances, FilterData, compile_predictor
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from dualwinch.toolboxes.identification.filter import LogFilters
 from dualwinch.toolboxes.identification.likelihood import initial_measurement_noise
 from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.identification.prediction import FilterCovariances, FilterData, compile_predictor
 from dualwinch.toolboxes.identification.predictor import (
     NoiseCovariances,
     described_disturbances,

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.prediction import compile_predictor
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.identification.filter import LogFilters
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.likelihood import initial_measurement_noise
 from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.identification.prediction import compile_predictor
 from dualwinch.toolboxes.identification.predictor import (
     NoiseCovariances,
     described_disturbances,

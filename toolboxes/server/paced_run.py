@@ -1,19 +1,16 @@
-"""A run of a sampled system in real time that exchanges datagrams with a client (realtime.c)."""
+"""A run of a sampled system in real time that exchanges datagrams with a client (paced_run.c)."""
 
 import ctypes
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.drivers.stepping import SteppedRuns, Stepping
-from dualwinch.codegen.drivers.unit import recipe, unit
-from dualwinch.codegen.errors import DualwinchError
+from dualwinch.toolbox import code_cache, compiled, compilers, errors, translation_unit
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +21,7 @@ Pair, Triple = ctypes.c_double * 2, ctypes.c_int64 * 3
 
 
 class Served(ctypes.Structure):
-    """`Served` of realtime.c."""
+    """`Served` of paced_run.c."""
 
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("step", "look", "runs", "line", "lines", "table", "added", "commands")),
@@ -92,7 +89,9 @@ class PacedRun:
         shared: data shared by compiled code and other threads.
     """
 
-    def __init__(self, code: Stepping, runs: SteppedRuns, table: Floats, pacing: Pacing, socket: int) -> None:
+    def __init__(
+        self, code: compiled.Stepping, runs: compiled.SteppedRuns, table: Floats, pacing: Pacing, socket: int
+    ) -> None:
         """Allocate the arrays.
 
         Args:
@@ -106,7 +105,7 @@ class PacedRun:
             DualwinchError: no compiler, or no POSIX system.
         """
         if os.name != "posix":
-            raise DualwinchError("a run in real time needs a POSIX system, such as Linux or macOS")
+            raise errors.DualwinchError("a run in real time needs a POSIX system, such as Linux or macOS")
         self._library, self._kept = _library(), (code, runs)
         self.table, (_, exogenous) = table, table.shape
         self.added, self._lines = np.zeros(exogenous), np.zeros((2, exogenous))
@@ -151,4 +150,5 @@ class PacedRun:
 
 @cache
 def _library() -> ctypes.CDLL:
-    return loaded(lambda: unit(POSIX, (), "realtime.c"), find_compiler(), (), recipe((), "realtime"), serve="n")
+    driver = Path(__file__).with_suffix(".c").read_text(encoding="utf-8")
+    return code_cache.loaded(translation_unit.unit(POSIX, (), driver), compilers.find_compiler(), serve="n")

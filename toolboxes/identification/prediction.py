@@ -3,22 +3,68 @@
 import ctypes
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, with_compiler
-from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
-from dualwinch.codegen.drivers.unit import hoisted_all, recipe, unit
-from dualwinch.codegen.sampled import PredictedSystem
-from dualwinch.codegen.source.c_source import LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import GRAPHS
-from dualwinch.codegen.source.operations import Style
+from dualwinch.toolbox import code_cache, compiled, compilers, language, translation_unit
 
 Floats = NDArray[np.float64]
+
+DRIVER = tuple(
+    (Path(__file__).parent / "filter_driver" / name).read_text(encoding="utf-8")
+    for name in ("linear.h", "kalman.c", "predict.c", "smooth.c")
+)
+"""Text of the C files of the filter."""
+
+
+@dataclass(frozen=True)
+class PredictedSystem:
+    """A sampled system with recorded inputs, sensors, and parameters to be fitted.
+
+    The state begins with the continuous part, `motion`; the rest changes at a sample. All functions have dense SX
+    expressions.
+
+    Attributes:
+        sense: ``sense(state, input, parameters) -> reading``.
+        prepare: ``prepare(state, input, parameters) -> (rest, hold)``: the rest of the state at the next sample, and
+            the zero-order hold until then.
+        move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``, over one of `parts` equal parts of the
+            sample interval.
+        parts: number of these parts.
+        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)`` over the sample interval, used
+            wherever ``valid > 0``; or None.
+        fitted: indices of the parameters to be fitted.
+    """
+
+    sense: ca.Function
+    prepare: ca.Function
+    move: ca.Function
+    parts: int
+    one_step: ca.Function | None
+    fitted: tuple[int, ...]
+
+    @property
+    def functions(self) -> tuple[ca.Function, ...]:
+        """All functions there are."""
+        return (self.sense, self.prepare, self.move, *((self.one_step,) if self.one_step else ()))
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the vectors, by the names of their C macros."""
+        return {
+            "STATES": self.sense.numel_in("state"),
+            "MOTION": self.move.numel_in("motion"),
+            "REST": self.prepare.numel_out("rest"),
+            "INPUTS": self.sense.numel_in("input"),
+            "READINGS": self.sense.numel_out("reading"),
+            "HOLD": self.prepare.numel_out("hold"),
+            "FITTED": len(self.fitted),
+            "PARTS": self.parts,
+            "HAS_ONE_STEP": int(self.one_step is not None),
+        }
 
 
 @dataclass(frozen=True)
@@ -72,7 +118,7 @@ class FilterPass:
         covariances: (samples, watched, states) the last states' rows of its covariance; or None.
     """
 
-    outcome: Outcome
+    outcome: compiled.Outcome
     gains: Floats
     whitening: Floats
     counts: Floats
@@ -100,7 +146,7 @@ class FixedGainPrediction:
         innovations: (samples, readings) whitened innovations, NaN without a reading; or None.
     """
 
-    outcome: Outcome
+    outcome: compiled.Outcome
     normal: Floats
     innovations: Floats | None
 
@@ -161,7 +207,7 @@ class Predictor:
         with np.errstate(invalid="ignore"):
             noise = noise / counts
         return FilterPass(
-            outcome=Outcome(outcome),
+            outcome=compiled.Outcome(outcome),
             gains=gain_rows,
             whitening=whitening,
             counts=counts,
@@ -211,52 +257,54 @@ class Predictor:
         innovations = np.full((len(data.inputs), readings), np.nan) if rows else None
         gains = filtered.gains, filtered.whitening
         outcome = self._predict(parameters, *data.arguments, *gains, normal, innovations, ctypes.byref(count))
-        return FixedGainPrediction(Outcome(outcome), normal, innovations)
+        return FixedGainPrediction(compiled.Outcome(outcome), normal, innovations)
 
 
 DIRECTION = "direction"
 """Array of the tangents of the fitted parameters."""
 
 
-def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
-    """C99 translation unit of a filter over a log."""
+def prediction_source(system: PredictedSystem, compiler: compilers.Compiler) -> str:
+    """C99 translation translation_unit.unit of a filter over a log."""
     functions = {function.name(): function for function in system.functions}
     by_state = {name: _product(each, (), "1") for name, each in functions.items() if name != "move"}
     fitted = {name: _product(each, system.fitted, "LANES") for name, each in functions.items() if name != "move"}
     by_parts = _product(system.move, system.fitted, "1")
     linear = [_linear(functions[name], product) for name, product in (by_state | {"move": by_parts}).items()]
     sloped = [product.slopes for product in fitted.values()]
-    hoisted = hoisted_all([*functions.values(), *linear, *sloped])
-    lanes = {each.name(): LaneLayout(compiler.pairs, shared=("parameters", "derived")) for each in sloped}
+    hoisted = translation_unit.hoisted_all([*functions.values(), *linear, *sloped])
+    lanes = {each.name(): language.LaneLayout(compiler.pairs, shared=("parameters", "derived")) for each in sloped}
     macros = {f"{name}_BY_STATE": product for name, product in by_state.items()} | {"MOVE_BY_ALL": by_parts}
     macros |= {f"{name}_BY_ALL": product for name, product in fitted.items()}
     statements = {name: product.statements() for name, product in macros.items()}
     statements["MOVE_BY_STATE"] = by_parts.statements(without=DIRECTION)
     defines = [f"#define {name.upper()} {' '.join(lines)}" for name, lines in statements.items()]
-    sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(paired=compiler.pairs)
+    sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | language.lane_sizes(paired=compiler.pairs)
     sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
     sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
-    return unit(
+    return translation_unit.unit(
         sizes,
         hoisted,
         "elementary.h",
         "lanes.h",
         "vectors.h",
-        c_source(hoisted, Style(compares=True), lanes),
+        language.c_source(hoisted, language.Style(compares=True), lanes),
         "\n".join(defines) + "\n",
-        *(f"filter/{name}" for name in ("linear.h", "kalman.c", "predict.c", "smooth.c")),
+        *DRIVER,
     )
 
 
-def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> JacobianProduct:
+def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> language.JacobianProduct:
     """Product with the Jacobian of a function with respect to its state, motion or hold, and the fitted parameters."""
-    tangents = {name: Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()}
-    tangents |= {"parameters": Tangents(DIRECTION, fitted)} if fitted else {}
+    tangents = {
+        name: language.Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()
+    }
+    tangents |= {"parameters": language.Tangents(DIRECTION, fitted)} if fitted else {}
     outputs = [name for name in function.name_out() if name not in {"margin", "valid"}]
-    return jacobian_product(function, tangents, outputs, lanes)
+    return language.jacobian_product(function, tangents, outputs, lanes)
 
 
-def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
+def _linear(function: ca.Function, product: language.JacobianProduct) -> ca.Function:
     """``linear_NAME``: a function together with the slopes of the product with its Jacobian."""
     inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
     outputs = function.call(inputs) | product.slopes.call(inputs)
@@ -265,9 +313,9 @@ def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
     return ca.Function(f"linear_{function.name()}", [*inputs.values()], every, [*inputs], names, {"cse": True})
 
 
-@with_compiler
-@GRAPHS.cached
-def compile_predictor(compiler: Compiler, system: PredictedSystem) -> Predictor:
+@compilers.with_compiler
+@language.GRAPHS.cached
+def compile_predictor(compiler: compilers.Compiler, system: PredictedSystem) -> Predictor:
     """Compile (or find in the cache) and load a filter.
 
     Args:
@@ -282,7 +330,9 @@ def compile_predictor(compiler: Compiler, system: PredictedSystem) -> Predictor:
         "smooth": "pppnpppnppp -> int",
         "predict": "pppnpppppp -> int",
     }
-    made_of = recipe(system.functions, "prediction", system.parts, system.fitted)
+    made_of = translation_unit.recipe(
+        system.functions, Path(__file__).read_text(encoding="utf-8"), DRIVER, system.parts, system.fitted
+    )
     source = partial(prediction_source, system, compiler)
-    driver = loaded(source, compiler, lane_flags(compiler), made_of, **signatures)
+    driver = code_cache.loaded(source, compiler, language.lane_flags(compiler), made_of, **signatures)
     return Predictor(system.sizes, driver.filter, driver.predict, driver.smooth)
