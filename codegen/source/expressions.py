@@ -1,16 +1,16 @@
 """CasADi's expressions: construction and cache, and the instructions of a function of SX expressions.
 
 Expressions are built on one thread at a time, and without simplification where that matters; the cache of results is
-limited in bytes.
+limited.
 """
 
-import sys
 import threading
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import wraps
+from itertools import islice
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import casadi as ca
@@ -42,102 +42,63 @@ class _Call:
 
 
 class GraphCache:
-    """Least-recently-used cache of results of functions of hashable arguments, limited in bytes.
+    """Least-recently-used cache of results of functions of hashable arguments, limited in instructions.
 
     There is one cache for all functions: a process with many laws, estimators and ropes keeps the graphs of the latest
     ones. The result of the last call is kept at any size.
 
     Args:
-        limit: limit of the estimated bytes of all results and their arguments.
-        per_instruction: bytes per instruction of a CasADi function: 75 for its node and its entry in the algorithm, the
-            rest for sparsity patterns and derivatives that CasADi keeps.
+        limit: largest number of instructions of the CasADi functions in all results and their arguments, of some 100
+            bytes each; a function counts in each of them.
     """
 
-    def __init__(self, limit: int = 512 << 20, per_instruction: int = 110) -> None:
-        self.limit = limit
-        self.per_instruction = per_instruction
-        self.size = 0
-        """Estimated bytes of the cached results."""
-        self._kept: OrderedDict[_Call, tuple[Any, set[ca.Function], int]] = OrderedDict()
-        self._users = Counter[ca.Function]()
+    def __init__(self, limit: int = 2**23) -> None:
+        self.limit, self.size = limit, 0
+        self._results: OrderedDict[_Call, tuple[Any, int]] = OrderedDict()
         self._lock = threading.Lock()
-
-    def __len__(self) -> int:
-        """Number of cached results."""
-        return len(self._kept)
-
-    def clear(self) -> None:
-        """Delete all cached results."""
-        with self._lock:
-            self._kept.clear()
-            self._users.clear()
-            self.size = 0
 
     def cached(self, build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
         """Decorator: cache the results of a function. Two threads may build the same result at once."""
 
         @wraps(build)
-        def found(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
+        def result_of(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
             call = _Call(build, args, frozenset(kwargs.items()))
             with self._lock:
-                if call in self._kept:
-                    self._kept.move_to_end(call)
-                    return self._kept[call][0]
+                if call in self._results:
+                    self._results.move_to_end(call)
+                    return self._results[call][0]
             result = build(*args, **kwargs)
-            functions = set[ca.Function]()
-            size = self._bytes_beside_functions((call.arguments, result), functions)
+            size = _instructions_in((call.arguments, result))
             with self._lock:
-                if call not in self._kept:
-                    self._kept[call] = result, functions, size
-                    self._count(functions, size, 1)
-                while self.size > self.limit and len(self._kept) > 1:
-                    _, (_, functions, size) = self._kept.popitem(last=False)
-                    self._count(functions, size, -1)
+                if call not in self._results:
+                    self._results[call] = result, size
+                    self.size += size
+                while self.size > self.limit and len(self._results) > 1:
+                    self.size -= self._results.popitem(last=False)[1][1]
             return result
 
-        return found
-
-    def _bytes_beside_functions(self, value: object, functions: set[ca.Function]) -> int:
-        """Estimated bytes of a value without CasADi functions, which are added to `functions`.
-
-        A hundred elements of a longer sequence are measured, and the rest is extrapolated.
-        """
-        if isinstance(value, ca.Function):
-            functions.add(value)
-            return 0
-        if isinstance(value, Mapping):
-            parts = list(value.values())
-        elif isinstance(value, tuple | list | frozenset):
-            parts = list(value)
-        elif is_dataclass(value) and not isinstance(value, type):
-            parts = [getattr(value, field.name) for field in fields(value)]
-        else:
-            return sys.getsizeof(value)
-        counted = parts[:: -(-len(parts) // 100) or 1]
-        size = sum(self._bytes_beside_functions(part, functions) for part in counted)
-        return sys.getsizeof(value) + (size * len(parts) // len(counted) if counted else 0)
-
-    def _count(self, functions: Iterable[ca.Function], rest: int, sign: int) -> None:
-        """Add or subtract the bytes of an entry; a function in several entries counts once."""
-        self.size += sign * rest
-        for function in functions:
-            users = self._users[function]
-            self._users[function] = users + sign
-            if 0 in {users, users + sign}:
-                self.size += sign * self.per_instruction * _instructions(function)
-            if users + sign == 0:
-                del self._users[function]
+        return result_of
 
 
-def _instructions(function: ca.Function) -> int:
-    """The number of instructions (or else the length of the work vectors), including those of called functions.
+def _instructions_in(value: object) -> int:
+    """Number of instructions of the CasADi functions in a value, at most a hundred in each sequence.
 
-    A solver calls the derivatives of its problem, which are ten times as large as the rest of it.
+    Those of called functions are included: a solver calls the derivatives of its problem, which are ten times as large
+    as the rest of it. Where a function has no instructions, the length of its work vectors is taken.
     """
-    if function.is_a("SXFunction"):
-        return function.n_instructions()
-    count = function.n_instructions() if function.is_a("MXFunction") else function.sz_w() + function.sz_iw()
-    return count + sum(_instructions(function.get_function(name)) for name in function.get_function())
+    if isinstance(value, ca.Function):
+        if value.is_a("SXFunction"):
+            return value.n_instructions()
+        count = value.n_instructions() if value.is_a("MXFunction") else value.sz_w() + value.sz_iw()
+        return count + sum(_instructions_in(value.get_function(name)) for name in value.get_function())
+    parts: Iterable[object] = ()
+    if isinstance(value, Mapping):
+        parts = value.values()
+    elif isinstance(value, tuple | list | frozenset):
+        parts = value
+    elif is_dataclass(value) and not isinstance(value, type):
+        parts = (getattr(value, field.name) for field in fields(value))
+    return sum(map(_instructions_in, islice(parts, 100)))
 
 
 GRAPHS = GraphCache()
@@ -149,11 +110,11 @@ def built_once(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
     cached = GRAPHS.cached(build)
 
     @wraps(build)
-    def found(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
+    def result_of(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
         with BUILDING:
             return cached(*args, **kwargs)
 
-    return found
+    return result_of
 
 
 @contextmanager
