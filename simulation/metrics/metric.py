@@ -55,7 +55,7 @@ class MetricQuantity(Quantity):
     @property
     def axis(self) -> str:
         """Label of an axis: name and unit."""
-        return f"{self.label} ({self.shown_unit})" if self.display_unit else self.label
+        return f"{self.label} ({self.shown_unit})" if self.shown_unit else self.label
 
     def column(self, name: str, heading: str = "", form: str = "") -> FigureColumn:
         """The column of this figure of merit, printed in the display unit; heading and form default to its own."""
