@@ -42,11 +42,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     """``--longest 1.5``: a quick test that takes longer fails."""
-    begin = process_time()
+    limit, begin = float(item.config.getoption("longest") or math.inf), process_time()
     result = yield
-    words = too_long(
-        process_time() - begin, item.config.getoption("longest"), (mark.name for mark in item.iter_markers())
-    )
+    words = too_long(process_time() - begin, limit, (mark.name for mark in item.iter_markers()))
     if words:
         pytest.fail(words, pytrace=False)
     return result

@@ -97,7 +97,8 @@ def test_shapes_show_nodes_rotors_and_sag() -> None:
 
 
 def test_shapes_need_the_plants_states() -> None:
-    system = LinearSystem(*[np.eye(1)] * 4, None, ("a",), ("u",), ("y",), dict.fromkeys("auy", "1"))
+    one = np.eye(1)
+    system = LinearSystem(one, one, one, one, None, ("a",), ("u",), ("y",), dict.fromkeys("auy", "1"))
     with pytest.raises(ConfigurationError, match="mode shapes need the states of the plant"):
         mode_shapes(system, Plant())
 
