@@ -23,6 +23,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import (
     LoopStructure,
+    Solver,
     is_automatic,
     parameters_of,
     solver_of,
@@ -96,7 +97,7 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
         )
     try:
         _check_reference(experiment)
-        _check_substeps(experiment)
+        check_substeps(experiment, solver_of(experiment))
         structure = structure_of(experiment)
         start = initial_state_of(experiment)
     except ArithmeticError as error:
@@ -205,12 +206,13 @@ def _check_jerk(experiment: Experiment) -> None:
         )
 
 
-def _check_substeps(experiment: Experiment) -> None:
+def check_substeps(experiment: Experiment, solver: Solver) -> None:
+    """Raise `ConfigurationError` if the plant of an experiment needs more sub-steps than a solver has."""
     simulation, plant, limits = experiment.simulation, experiment.plant, experiment.controller.limits
-    integrator, substeps = solver_of(experiment)
-    if is_automatic(experiment):
-        return
-    needed = stable_substeps(plant, simulation, integrator, limits)
+    integrator, substeps = solver
+    needed = solver_of(experiment).substeps
+    if not is_automatic(experiment):
+        needed = stable_substeps(plant, simulation, integrator, limits)
     if substeps < needed:
         raise ConfigurationError(
             f"simulation.substeps = {substeps}: must be >= {needed} for {integrator} at "

@@ -29,12 +29,11 @@ from dualwinch.simulation.loop.structure import (
     is_automatic,
     parameters_of,
     solver_of,
-    stable_substeps,
     structure_of,
     substeps_for,
     symbolic_parts,
 )
-from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.prepare import check_substeps, prepare
 from dualwinch.simulation.progress import Progress
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.sensors import DELAYS, delays_beyond_memory
@@ -272,7 +271,7 @@ def check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[st
         try:
             member = experiment_of(scenarios[place])
             prepare(member)
-            _check_substeps(member, solver_of(group.experiment))
+            check_substeps(member, solver_of(group.experiment))
         except ConfigurationError as error:
             raise ConfigurationError(f"{name_of(scenarios[place], place)}: {error}") from error
     for name in scaling:
@@ -326,7 +325,7 @@ def _check_together(
             changed = with_leaves(experiment_of(scenarios[place]), values)
             try:
                 prepare(changed)
-                _check_substeps(changed, solver)
+                check_substeps(changed, solver)
             except ConfigurationError as error:
                 raise ConfigurationError(f"{where}: {error}") from error
 
@@ -337,18 +336,6 @@ def _violating(controller: Controller, columns: Mapping[str, Floats]) -> Iterabl
     for _, owner, rule in rules(with_leaves(controller, columns, "controller.")):
         violated |= violates(rule, owner)
     return np.flatnonzero(violated)
-
-
-def _check_substeps(experiment: Experiment, solver: Solver) -> None:
-    """Check that an experiment's plant needs no more sub-steps than the compiled loop has."""
-    needed = solver_of(experiment).substeps
-    if needed > solver.substeps and not is_automatic(experiment):
-        limits, simulation = experiment.controller.limits, experiment.simulation
-        needed = stable_substeps(experiment.plant, simulation, solver.integrator, limits)
-    if needed > solver.substeps:
-        raise ConfigurationError(
-            f"simulation.substeps = {solver.substeps}: must be >= {needed} for {solver.integrator} (a stiff plant)"
-        )
 
 
 def by_structure(
