@@ -6,6 +6,7 @@ need only `sqrt`, `exp`, `log` and `atan`; each docstring states the largest rel
 """
 
 import math
+import sys
 from collections.abc import Callable
 
 import casadi as ca
@@ -16,7 +17,7 @@ from dualwinch.codegen.source.expressions import GRAPHS, applied, as_written, in
 MOST_FACTORS = 64
 """Largest integer power that is written as a product."""
 
-FAR = 1e4
+OVERFLOW = 2 * math.log(sys.float_info.max)
 """Argument of exp that overflows, with its negative giving 0, even in double precision."""
 
 
@@ -87,7 +88,7 @@ def power(x: ca.SX, y: ca.SX) -> ca.SX:
         return result if float(y) >= 0 else 1 / result
     size, integral, even = ca.fabs(x), ca.floor(y) == y, 2 * ca.floor(y / 2) == y
     logarithm = y * ca.log(ca.if_else(size == 0, 1, size))
-    grown = ca.exp(ca.if_else(size == 0, -FAR * ca.sign(y), logarithm))  # for size 0: 0, 1 or infinity
+    grown = ca.exp(ca.if_else(size == 0, -OVERFLOW * ca.sign(y), logarithm))  # for size 0: 0, 1 or infinity
     undefined = ca.logic_and(x < 0, ca.logic_not(integral))
     signed = grown * ca.sqrt(ca.if_else(undefined, -1, 1))
     return ca.if_else(ca.logic_and(x < 0, ca.logic_not(even)), -signed, signed)
