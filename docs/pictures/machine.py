@@ -4,7 +4,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from dualwinch.simulation.animation import (
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION
+from dualwinch.toolboxes.lab.animation import (
     DRUM,
     DRUM_GAP,
     FRAME_COLUMNS,
@@ -21,8 +23,6 @@ from dualwinch.simulation.animation import (
     text,
     written,
 )
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION
 
 HEIGHT, RAIL = 236, 172.0
 """Height of the picture and vertical position of the rail in pixels."""

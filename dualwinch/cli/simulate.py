@@ -128,6 +128,7 @@ def simulate_one(
     json: bool,
 ) -> None:
     """Check the files, then run, print and write."""
+    from dualwinch.extensions import FUNCTIONS, extension
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import FORMATS, save
     from dualwinch.simulation.simulate import simulate as run
@@ -139,6 +140,7 @@ def simulate_one(
         raise ConfigurationError("--stride: needs --out, --plot or --animate")
     check_file(out, *FORMATS)
     check_file(animate, ".svg")
+    save_animation = extension(FUNCTIONS, "save_animation", "--animate") if animate else None
     engine = engine or engine_here(experiment.simulation.engine)
     with ProgressLine("simulating", command="simulate", patient=True) as progress, where.workers(progress):
         result = run(experiment, stride=stride, engine=engine, progress=progress)
@@ -149,9 +151,7 @@ def simulate_one(
             save(result, out, version_notes())
         wrote(out)
     write_figure(plot, "overview", result)
-    if animate:
-        from dualwinch.simulation.animation import save_animation
-
+    if animate and save_animation:
         with console.status(f"drawing {animate}"):
             save_animation(result, animate)
         wrote(animate)

@@ -1,20 +1,26 @@
 """Primitives of figures: page, colours, axes and files."""
 
-from dualwinch.simulation.plots.page import GivenAxes, new_page, save
+from dualwinch.simulation.plots.page import GivenAxes, case_number, new_page, save, scenario
 from dualwinch.simulation.plots.style import (
     BLUE,
     GOLD,
     GREEN,
     GREY,
     INK,
+    LIGHT,
     PURPLE,
+    ROPE_COLOURS,
     SKY,
     VERMILION,
     WINE,
+    law_label,
+    law_look,
     logarithmic,
     looks,
     plain,
+    prefixed_unit,
 )
+from dualwinch.simulation.plots.traces import drawable, largest, thin
 
 __all__ = [
     "BLUE",
@@ -22,14 +28,24 @@ __all__ = [
     "GREEN",
     "GREY",
     "INK",
+    "LIGHT",
     "PURPLE",
+    "ROPE_COLOURS",
     "SKY",
     "VERMILION",
     "WINE",
     "GivenAxes",
+    "case_number",
+    "drawable",
+    "largest",
+    "law_label",
+    "law_look",
     "logarithmic",
     "looks",
     "new_page",
     "plain",
+    "prefixed_unit",
     "save",
+    "scenario",
+    "thin",
 ]

@@ -13,22 +13,7 @@ from matplotlib.colors import to_hex
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.files import write_whole
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.page import case_number, scenario
-from dualwinch.simulation.plots.style import (
-    GREY,
-    INK,
-    LIGHT,
-    ROPE_COLOURS,
-    VERMILION,
-    law_label,
-    law_look,
-    prefixed_unit,
-)
-from dualwinch.simulation.plots.traces import drawable, largest, thin
-from dualwinch.simulation.results.result import Result
+from dualwinch.toolbox import ConfigurationError, Experiment, Result, drawing, whole_files
 
 FONT = "system-ui, 'DejaVu Sans', 'Segoe UI', Helvetica, Arial, sans-serif"
 
@@ -57,7 +42,7 @@ def add(parent: Element, tag: str, **attributes: str | float) -> Element:
 
 def text(parent: Element, x: float, y: float, words: str, **attributes: str | float) -> Element:
     """Add text whose baseline begins at a point, or is centred there with ``text_anchor="middle"``."""
-    element = add(parent, "text", **({"x": x, "y": y, "font_size": 13, "fill": INK} | attributes))
+    element = add(parent, "text", **({"x": x, "y": y, "font_size": 13, "fill": drawing.INK} | attributes))
     element.text = words
     return element
 
@@ -173,7 +158,14 @@ def draw_machine(parent: Element, machine: Machine, frames: Frames, play: Play) 
     _drum(parent, machine, LEFT - DRUM_GAP, -frames["theta_2"], play)
     _drum(parent, machine, RIGHT + DRUM_GAP, frames["theta_1"], play)
     reference = add(parent, "g")
-    add(reference, "path", d=f"M0 {number(machine.top - 8)}l-6 -10h12z", fill="none", stroke=INK, stroke_width=1.2)
+    add(
+        reference,
+        "path",
+        d=f"M0 {number(machine.top - 8)}l-6 -10h12z",
+        fill="none",
+        stroke=drawing.INK,
+        stroke_width=1.2,
+    )
     animate(reference, "translate", [f"{number(x)} 0" for x in machine.at(frames["x_ref"])], play)
     _vehicle(parent, machine, vehicle, frames["d_true"], play)
 
@@ -189,20 +181,20 @@ def draw_colours(parent: Element, x: float, y: float, highest: float) -> None:
     for step in range(steps):
         shade = colour((step + 0.5) / steps * highest, highest)
         add(parent, "rect", x=x + step * width, y=y, width=width + 0.3, height=8, fill=shade)
-    size, unit = prefixed_unit("N", highest)
+    size, unit = drawing.prefixed_unit("N", highest)
     for share in (0.0, 0.5, 1.0):
         words = f"{share * highest / size:g}" + (f" {unit}" if share == 1 else "")
-        text(parent, x + share * steps * width, y + 22, words, font_size=11, text_anchor="middle", fill=GREY)
-    text(parent, x - 12, y + 9, "tension", font_size=11, text_anchor="end", fill=GREY)
+        text(parent, x + share * steps * width, y + 22, words, font_size=11, text_anchor="middle", fill=drawing.GREY)
+    text(parent, x - 12, y + 9, "tension", font_size=11, text_anchor="end", fill=drawing.GREY)
 
 
 def _rail(parent: Element, machine: Machine) -> None:
     top = machine.rail
     add(parent, "rect", x=0, y=top + 6, width=WIDTH, height=26, fill=BED)
-    add(parent, "rect", x=LEFT - 16, y=top, width=RIGHT - LEFT + 32, height=6, fill=GREY)
+    add(parent, "rect", x=LEFT - 16, y=top, width=RIGHT - LEFT + 32, height=6, fill=drawing.GREY)
     for metres in np.linspace(0, machine.length, 6):
         x = float(machine.at(metres))
-        add(parent, "line", x1=x, x2=x, y1=top + 6, y2=top + 11, stroke=INK)
+        add(parent, "line", x1=x, x2=x, y1=top + 6, y2=top + 11, stroke=drawing.INK)
         words = f"{metres:g} m" if metres else "x = 0"
         text(parent, x, top + 25, words, font_size=11, text_anchor="middle")
 
@@ -253,15 +245,15 @@ def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: 
     y = machine.rope + DRUM
     foot = machine.rail + 6
     add(parent, "path", d=f"M{number(x - 22)} {number(foot)}L{number(x)} {number(y)}L{number(x + 22)} {number(foot)}z",
-        fill=GREY)  # fmt: skip
-    add(parent, "circle", cx=x, cy=y, r=DRUM, fill="#F7F3EA", stroke=INK, stroke_width=2)
-    spokes = add(parent, "g", stroke=INK, stroke_width=2)
+        fill=drawing.GREY)  # fmt: skip
+    add(parent, "circle", cx=x, cy=y, r=DRUM, fill="#F7F3EA", stroke=drawing.INK, stroke_width=2)
+    spokes = add(parent, "g", stroke=drawing.INK, stroke_width=2)
     for angle in np.radians([90, 210, 330]):
         across, down = DRUM * np.cos(angle), DRUM * np.sin(angle)
         add(spokes, "line", x1=x, y1=y, x2=x + across, y2=y + down)
     centre = f"{number(x)} {number(y)}"
     animate(spokes, "rotate", [f"{number(degrees)} {centre}" for degrees in np.degrees(clockwise)], play)
-    add(parent, "circle", cx=x, cy=y, r=5, fill=INK)
+    add(parent, "circle", cx=x, cy=y, r=5, fill=drawing.INK)
 
 
 def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: Play) -> None:
@@ -269,13 +261,13 @@ def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: 
     (width, height), top = machine.size, machine.top
     vehicle = add(parent, "g")
     hull = {"x": -width / 2, "y": top, "width": width, "height": height, "rx": width / 5}
-    add(vehicle, "rect", **hull, fill=HULL, stroke=INK, stroke_width=1.5)
+    add(vehicle, "rect", **hull, fill=HULL, stroke=drawing.INK, stroke_width=1.5)
     for side in (-1, 1):
-        add(vehicle, "rect", x=side * width / 3.2 - 3, y=top + height, width=6, height=8, fill=INK)
-    text(vehicle, 0, top - 26, "vehicle", text_anchor="middle", fill=GREY)
+        add(vehicle, "rect", x=side * width / 3.2 - 3, y=top + height, width=6, height=8, fill=drawing.INK)
+    text(vehicle, 0, top - 26, "vehicle", text_anchor="middle", fill=drawing.GREY)
     largest = float(np.abs(force).max(initial=0.0))
     if largest > 0:
-        arrow = add(vehicle, "path", fill="none", stroke=VERMILION, stroke_width=3.5)
+        arrow = add(vehicle, "path", fill="none", stroke=drawing.VERMILION, stroke_width=3.5)
         animate(arrow, "d", _arrows(force / largest * ARROW, machine.rope), play)
     animate(vehicle, "translate", [f"{number(value)} 0" for value in x], play)
 
@@ -334,29 +326,29 @@ def draw_traces(parent: Element, t: Floats, duration: float, panels: list[Panel]
             for name, value in clip.items():
                 group.set(name, value)
             for line in panel.lines:
-                times, values = thin(t, line.values, 420)
+                times, values = drawing.thin(t, line.values, 420)
                 finite = np.isfinite(values)
                 ys = panel.y(np.clip(values[finite], panel.low, panel.high))
                 add(group, "path", d=path(AXIS_LEFT + scale * times[finite], ys), stroke=line.colour)
     for value in ticks:
         if 0 <= value <= duration:
             x = AXIS_LEFT + scale * value
-            text(parent, x, bottom + 16, f"{value:g}", font_size=11, text_anchor="middle", fill=GREY)
-    text(parent, AXIS_RIGHT, bottom + 32, "time (s)", font_size=11, text_anchor="end", fill=GREY)
-    now = add(parent, "line", y1=top, y2=bottom, stroke=INK, stroke_width=1)
+            text(parent, x, bottom + 16, f"{value:g}", font_size=11, text_anchor="middle", fill=drawing.GREY)
+    text(parent, AXIS_RIGHT, bottom + 32, "time (s)", font_size=11, text_anchor="end", fill=drawing.GREY)
+    now = add(parent, "line", y1=top, y2=bottom, stroke=drawing.INK, stroke_width=1)
     for end in ("x1", "x2"):
         animate(now, end, [number(AXIS_LEFT + float(width)) for width in widths], play)
 
 
 def _axes(parent: Element, panel: Panel, times: list[tuple[float, str]]) -> None:
     for x, _ in times:
-        add(parent, "line", x1=x, x2=x, y1=panel.top, y2=panel.bottom, stroke=LIGHT, stroke_width=0.7)
+        add(parent, "line", x1=x, x2=x, y1=panel.top, y2=panel.bottom, stroke=drawing.LIGHT, stroke_width=0.7)
     for value in MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(panel.low, panel.high):
         if panel.low <= value <= panel.high:
             y = float(panel.y(value))
-            add(parent, "line", x1=AXIS_LEFT, x2=AXIS_RIGHT, y1=y, y2=y, stroke=LIGHT, stroke_width=0.7)
+            add(parent, "line", x1=AXIS_LEFT, x2=AXIS_RIGHT, y1=y, y2=y, stroke=drawing.LIGHT, stroke_width=0.7)
             words = f"{value:g}".replace("-", "−")
-            text(parent, AXIS_LEFT - 8, y + 4, words, font_size=11, text_anchor="end", fill=GREY)
+            text(parent, AXIS_LEFT - 8, y + 4, words, font_size=11, text_anchor="end", fill=drawing.GREY)
     text(parent, AXIS_LEFT, panel.top - 9, panel.title, font_size=12)
     x = AXIS_RIGHT
     for line in reversed(panel.lines if len(panel.lines) > 1 else ()):
@@ -391,29 +383,29 @@ def animation(result: Result) -> str:
     rows = np.linspace(0, len(t) - 1, FRAMES).astype(int)
     play = Play(PLAY_SECONDS, FRAMES // 2)
     machine = Machine(experiment, RAIL)
-    number = case_number(experiment)
+    number = drawing.case_number(experiment)
     case = f"Case {number} of the paper, " if number else ""
-    words = f"{case}{scenario(experiment)}; {law_label(experiment)}"
+    words = f"{case}{drawing.scenario(experiment)}; {drawing.law_label(experiment)}"
     root = picture(WIDTH, HEIGHT, f"A vehicle towed by two winches: {words}", _description(result))
     add(root, "rect", width=WIDTH, height=HEIGHT, rx=10, fill="white")
     text(root, 20, 28, "A vehicle towed along a rail by two winches", font_size=17, font_weight="bold")
     speed = f"{duration:.3g} s in {PLAY_SECONDS:g} s"
-    text(root, 20, 48, f"{words}; a simulated run, {speed}", fill=GREY)
+    text(root, 20, 48, f"{words}; a simulated run, {speed}", fill=drawing.GREY)
     add(root, "rect", y=66, width=WIDTH, height=RAIL - 60, fill=WATER)
     draw_colours(root, WIDTH - 205, 24, machine.highest)
     sags = [name for name in SAGS if name in result.columns]
-    frames = {name: np.nan_to_num(drawable(result[name]))[rows] for name in (*FRAME_COLUMNS, *sags)}
+    frames = {name: np.nan_to_num(drawing.drawable(result[name]))[rows] for name in (*FRAME_COLUMNS, *sags)}
     for x, name in ((LEFT - DRUM_GAP, "winch 2"), (RIGHT + DRUM_GAP, "winch 1")):
         text(root, x, machine.rope - 14, name, text_anchor="middle")
     for x, name in ((LEFT + 70, "rope 2"), (RIGHT - 10, "rope 1")):
-        text(root, x, machine.rope - 14, name, text_anchor="middle", fill=GREY)
+        text(root, x, machine.rope - 14, name, text_anchor="middle", fill=drawing.GREY)
     draw_machine(root, machine, frames, play)
-    text(root, 20, 90, "▽ reference", font_size=12, fill=INK)
-    text(root, 112, 90, "→ disturbance on the vehicle", font_size=12, fill=VERMILION)
+    text(root, 20, 90, "▽ reference", font_size=12, fill=drawing.INK)
+    text(root, 112, 90, "→ disturbance on the vehicle", font_size=12, fill=drawing.VERMILION)
     if sags:
         factor = sag_enlargement(machine, frames)
         words = f"sag of the ropes × {factor:g}" if factor > 1 else "sag of the ropes to scale"
-        text(root, 320, 90, words, font_size=12, fill=GREY)
+        text(root, 320, 90, words, font_size=12, fill=drawing.GREY)
     draw_traces(root, t - t[0], duration, _panels(result), play, FRAMES)
     return written(root)
 
@@ -428,20 +420,20 @@ def save_animation(result: Result, path: str | PathLike[str]) -> None:
     path = Path(path)
     if path.suffix.lower() != ".svg":
         raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be .svg")
-    write_whole(path, animation(result))
+    whole_files.write_whole(path, animation(result))
 
 
 def _panels(result: Result) -> list[Panel]:
-    error = drawable(result["e"])
-    unit, name = prefixed_unit("m", largest(error))
-    reach = 1.08 * max(largest(error) / unit, 1e-9)
-    force, name_of_force = prefixed_unit("N", *(largest(result[f"F{rope}"]) for rope in (1, 2)))
+    error = drawing.drawable(result["e"])
+    unit, name = drawing.prefixed_unit("m", drawing.largest(error))
+    reach = 1.08 * max(drawing.largest(error) / unit, 1e-9)
+    force, name_of_force = drawing.prefixed_unit("N", *(drawing.largest(result[f"F{rope}"]) for rope in (1, 2)))
     forces = tuple(
-        Line(f"rope {rope}", shade, drawable(result[f"F{rope}"]) / force)
-        for rope, shade in enumerate(ROPE_COLOURS, start=1)
+        Line(f"rope {rope}", shade, drawing.drawable(result[f"F{rope}"]) / force)
+        for rope, shade in enumerate(drawing.ROPE_COLOURS, start=1)
     )
-    highest = 1.08 * max(*(largest(line.values) for line in forces), 1e-9)
-    tracking = (Line("error", law_look(result.experiment)[0], error / unit),)
+    highest = 1.08 * max(*(drawing.largest(line.values) for line in forces), 1e-9)
+    tracking = (Line("error", drawing.law_look(result.experiment)[0], error / unit),)
     return [
         Panel(f"tracking error ({name})", 270, 358, tracking, -reach, reach),
         Panel(f"rope tension ({name_of_force})", 394, 490, forces, 0.0, highest),
@@ -449,7 +441,7 @@ def _panels(result: Result) -> list[Panel]:
 
 
 def _description(result: Result) -> str:
-    error, m = 1e3 * largest(result["e"]), result.metrics
+    error, m = 1e3 * drawing.largest(result["e"]), result.metrics
     return (
         f"Two winches pull a vehicle along a rail of {result.experiment.plant.track.length:g} m; their ropes are "
         f"coloured by tension. Below, tracking error (at most {error:.3g} mm) and rope tensions "

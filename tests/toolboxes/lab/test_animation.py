@@ -12,10 +12,10 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.animation import LEFT, RIGHT, SLACK, animation, colour
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.lab.animation import LEFT, RIGHT, SLACK, animation, colour
 
 SVG = "{http://www.w3.org/2000/svg}"
 LARGEST_FILE = 600_000
