@@ -108,7 +108,7 @@ class Lane:
         return under_command(self.scenario.experiment, self.command)
 
 
-class Scenarios:
+class ScenarioSource:
     """An experiment or an ensemble under command.
 
     Attributes:

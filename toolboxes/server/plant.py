@@ -216,7 +216,7 @@ class ServedPlant:
         """
         self.settings = settings or ServerSettings()
         self.experiment = replace(experiment, simulation=replace(experiment.simulation, readings=True))
-        self._scenarios = lanes.Scenarios(_served(self.experiment), "torques")
+        self._scenarios = lanes.ScenarioSource(_served(self.experiment), "torques")
         self._loop, self._samples = self._scenarios.loop, experiment.samples
         try:
             preparation.check_memory(self._samples, 1, len(self._loop.columns) + 2 * len(self._loop.exogenous))

@@ -148,7 +148,7 @@ class Stepper:
         self.command: external_commands.CommandName = command
         self.batch, self.seed, self.hold = int(batch), int(seed), int(hold)
         self.signals = tuple(signals)
-        self.source = lanes.Scenarios(experiment, command)
+        self.source = lanes.ScenarioSource(experiment, command)
         self.experiment, self._loop = self.source.experiment, self.source.loop
         self._code, self._exact = compiled.compile_stepping(self.source.commanded(self.signals), exact=exact), exact
         self._threads = threads or max(1, min(executors.cores(), self.batch * self.hold // WORTH_A_THREAD[exact]))
