@@ -29,12 +29,6 @@ def test_limits_preload_and_plant_come_from_the_experiment() -> None:
         dw.operating_point(strong, preload=50_000)
 
 
-@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise, dw.linear_closed_loop, dw.linear_open_loop])
-def test_a_plant_alone_has_neither_limits_nor_preload(of: Callable[..., object]) -> None:
-    with pytest.raises(ConfigurationError, match=r"experiment: must be an Experiment, which .* not Plant"):
-        of(dw.override(dw.case(4), STRONG).plant, 10)
-
-
 def test_amid_the_track_is_where_loops_are_linearised() -> None:
     strong = dw.override(dw.case(4), STRONG)
     assert dw.linear_open_loop(strong).operating_point["x"] == 60
@@ -53,9 +47,11 @@ def test_amid_the_track_is_where_loops_are_linearised() -> None:
         ("1", 0.0, "x: must be a number, not str"),
     ],
 )
-def test_a_point_is_one_number_each(of: Callable[..., object], x: Any, v: Any, words: str) -> None:
+def test_a_point_is_one_number_each_of_an_experiment(of: Callable[..., object], x: Any, v: Any, words: str) -> None:
     with pytest.raises(ConfigurationError, match=f"^{words}"):
         of(dw.case(2), x, v)
+    with pytest.raises(ConfigurationError, match=r"experiment: must be an Experiment, which .* not Plant"):
+        of(dw.case(2).plant, 10)
 
 
 @pytest.mark.parametrize("of", [dw.operating_point, dw.linearise])

@@ -30,9 +30,16 @@ def test_without_any_the_error_names_two_things_that_help(monkeypatch: pytest.Mo
         find_compiler()
 
 
-def test_a_wrong_wish_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("DUALWINCH_CC", "no-such-compiler")
-    with pytest.raises(CompilerNotFoundError, match="no-such-compiler"):
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("no-such-compiler", "no-such-compiler"),
+        *((half, r"is no command \(DUALWINCH_CC or CC\): no ") for half in ("gcc '", "gcc \\")),
+    ],
+)
+def test_a_wrong_wish_is_named(command: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DUALWINCH_CC", command)
+    with pytest.raises(CompilerNotFoundError, match=message):
         find_compiler()
 
 
@@ -69,9 +76,3 @@ def test_identity_names_compiler_flags_and_processor() -> None:
     assert compiler.version in compiler.identity
     assert "-O3" in compiler.identity
     assert all(feature in compiler.identity for feature in vector_features())
-
-
-@pytest.mark.parametrize("command", ["gcc '", "gcc \\"])
-def test_a_command_with_half_a_quotation_is_no_compiler(command: str) -> None:
-    with pytest.raises(CompilerNotFoundError, match=r"is no command \(DUALWINCH_CC or CC\): no "):
-        find_compiler(command)
