@@ -1,5 +1,7 @@
 """Statements of a CasADi function in C, or in a language of one's own (`Style`)."""
 
+# ruff: noqa: F401
+
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.source.c_source import LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.casadi_c import lacking
@@ -8,28 +10,3 @@ from dualwinch.codegen.source.hoist import hoisted, hoisted_together
 from dualwinch.codegen.source.loops import rolled_statements
 from dualwinch.codegen.source.operations import PRECISIONS, Precision, Style, literal, name_of
 from dualwinch.codegen.source.statements import Element, Strand, statements
-
-__all__ = [
-    "GRAPHS",
-    "PRECISIONS",
-    "Element",
-    "JacobianProduct",
-    "LaneLayout",
-    "Precision",
-    "Strand",
-    "Style",
-    "Tangents",
-    "built_once",
-    "c_source",
-    "hoisted",
-    "hoisted_together",
-    "instructions",
-    "jacobian_product",
-    "lacking",
-    "lane_flags",
-    "lane_sizes",
-    "literal",
-    "name_of",
-    "rolled_statements",
-    "statements",
-]

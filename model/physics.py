@@ -3,6 +3,8 @@
 Each is written over scalars that are floats or CasADi symbols (`dualwinch.model.scalar`).
 """
 
+# ruff: noqa: F401
+
 from dualwinch.model.actuators import ACTUATORS, Motor, drive
 from dualwinch.model.disturbance import Disturbance, vortex_frequency
 from dualwinch.model.heavy_ropes import span_of, transverse_mass
@@ -11,26 +13,3 @@ from dualwinch.model.plant import Plant, Torques, holding_torques, shaft_torques
 from dualwinch.model.ropes import crept, rope_lengths
 from dualwinch.model.vehicle import Vehicle, bent_bristles, drag, friction
 from dualwinch.model.winch import winding
-
-__all__ = [
-    "ACTUATORS",
-    "Disturbance",
-    "Motor",
-    "Plant",
-    "Torques",
-    "Vehicle",
-    "bent_bristles",
-    "crept",
-    "drag",
-    "drive",
-    "friction",
-    "holding_torques",
-    "rope_lengths",
-    "shaft_torques",
-    "span_of",
-    "steady_motion",
-    "tensions",
-    "transverse_mass",
-    "vortex_frequency",
-    "winding",
-]

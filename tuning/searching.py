@@ -1,5 +1,7 @@
 """Searches of gains with one budget, and how their candidates are scored."""
 
+# ruff: noqa: F401
+
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.optimisers import check_method
 from dualwinch.tuning.options import TuningOptions, default_method
@@ -27,32 +29,3 @@ from dualwinch.tuning.tuning_problem import (
     definition_of,
     tuning_problem,
 )
-
-__all__ = [
-    "CERTIFYING",
-    "COORDINATION",
-    "DRAWING",
-    "ESTIMATOR",
-    "NO_PROGRESS",
-    "REFERENCES",
-    "SCORING",
-    "SEARCHING",
-    "Evaluation",
-    "Scorer",
-    "SearchStatus",
-    "TestSet",
-    "TuningOptions",
-    "TuningProgress",
-    "check_method",
-    "clock",
-    "configuration",
-    "default_coordination",
-    "default_estimator",
-    "default_method",
-    "definition_of",
-    "own_bounds",
-    "prepare",
-    "tune",
-    "tuning_problem",
-    "undominated",
-]

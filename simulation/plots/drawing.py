@@ -1,5 +1,7 @@
 """Primitives of figures: page, colours, axes and files."""
 
+# ruff: noqa: F401
+
 from dualwinch.simulation.plots.page import GivenAxes, case_number, new_page, save, scenario
 from dualwinch.simulation.plots.style import (
     BLUE,
@@ -21,31 +23,3 @@ from dualwinch.simulation.plots.style import (
     prefixed_unit,
 )
 from dualwinch.simulation.plots.traces import drawable, largest, thin
-
-__all__ = [
-    "BLUE",
-    "GOLD",
-    "GREEN",
-    "GREY",
-    "INK",
-    "LIGHT",
-    "PURPLE",
-    "ROPE_COLOURS",
-    "SKY",
-    "VERMILION",
-    "WINE",
-    "GivenAxes",
-    "case_number",
-    "drawable",
-    "largest",
-    "law_label",
-    "law_look",
-    "logarithmic",
-    "looks",
-    "new_page",
-    "plain",
-    "prefixed_unit",
-    "save",
-    "scenario",
-    "thin",
-]
