@@ -24,6 +24,11 @@ def present(value: Scalar) -> bool:
     return bool(np.any(value)) if isinstance(value, (np.ndarray, np.number)) else True
 
 
+def has_begun(flag: Scalar) -> Scalar:
+    """Whether a state that is 0 before the first sample, then 1, is 1: a steady-state solver may leave round-off."""
+    return flag > 0.5
+
+
 def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
     """`value` where the condition holds, else `otherwise` (both are evaluated).
 

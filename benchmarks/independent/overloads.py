@@ -20,6 +20,7 @@ from benchmarks.independent.judge import Conditions, Judge, Runs
 from benchmarks.independent.realistic import KNOWN
 from benchmarks.independent.site import EFFECTS, draw
 from dualwinch.controllers.paper_controller import paper_controller
+from dualwinch.controllers.presets.designed import FALSE_ALARM
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 
@@ -150,10 +151,6 @@ def main(words: Sequence[str] | None = None) -> int:
     if arguments.write:
         put(arguments.write, "sensors" if arguments.sensors else "overloads", text)
     return 0
-
-
-FALSE_ALARM = 1e-6
-"""Probability with which the gate rejects a sound reading: once in a quarter of an hour."""
 
 
 if __name__ == "__main__":

@@ -25,10 +25,7 @@ from dualwinch.model.drum_on_rope import moving_mass, tangent_rigidity
 from dualwinch.model.plant import Side
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.ropes import Track
-from dualwinch.model.scalar import Scalar, maximum, sqrt, where
-
-BEFORE = 0.5
-"""Threshold of a state that is 0 before the first sample, then 1: a steady-state solver may leave round-off."""
+from dualwinch.model.scalar import Scalar, has_begun, maximum, sqrt, where
 
 
 class DrumResonance(NamedTuple):
@@ -71,7 +68,7 @@ def shaped(
     0) it is the command itself.
     """
     w, T = drum.frequency, sample_time
-    force = where(primed > BEFORE, state.force, command)
+    force = where(has_begun(primed), state.force, command)
     rate = (state.rate + T * w**2 * (command - force)) / (1 + 2 * shaping * w * T + (w * T) ** 2)
     return ShapedCommand(force + T * rate, rate), command - 2 * maximum(shaping - drum.damping, 0.0) / w * rate
 

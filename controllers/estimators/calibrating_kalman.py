@@ -14,20 +14,25 @@ calibrated ropes.
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
+from dualwinch.controllers.estimators.innovation_gate import GateGains, Gates
 from dualwinch.controllers.estimators.kalman import (
     TAUT,
+    GatedMotion,
     KalmanEstimate,
-    KalmanGains,
     KalmanState,
+    MotionFilter,
     filter_motion,
+    initial_motion,
     timely,
+    with_gated_position,
+    witnesses,
 )
-from dualwinch.controllers.parts import Context, Estimator, Measurement
+from dualwinch.controllers.parts import Context, Measurement
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Mark, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import Rope, RopeLaw, kelvin_voigt, rope_lengths, stiffness, tangent_rope
-from dualwinch.model.scalar import Scalar, clip, exp, where
+from dualwinch.model.scalar import Scalar, both, clip, exp, where
 
 
 @dataclass(frozen=True)
@@ -100,44 +105,56 @@ class CalibratingEstimate(KalmanEstimate):
 
 
 @dataclass(frozen=True)
-class CalibratingKalman(Estimator):
-    """The filter and its calibration."""
+class GatedCalibratingEstimate(CalibratingEstimate, GatedMotion):
+    """Output of the filter with a gate."""
 
-    kalman: KalmanGains = field(default_factory=KalmanGains)
+
+@dataclass(frozen=True)
+class CalibratingKalman(MotionFilter):
+    """The filter, its calibration and its gate."""
+
     calibration: CalibrationGains = field(default_factory=CalibrationGains)
+    trust: GateGains = field(default_factory=GateGains)
 
     kind: ClassVar = "calibrating-kalman"
     label: ClassVar = "calibrating Kalman filter"
 
-    @property
-    def silent(self) -> frozenset[str]:
-        """Names of measurements that may be missing."""
-        return self.kalman.silent
-
     def initial_state(self) -> CalibratingState:
         """At rest at the start of the run, with the nominal ropes."""
-        return CalibratingState()
+        return CalibratingState(initial_motion(self.trust))
 
     def step(
         self, state: CalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: calibrate the ropes, then filter the motion with the calibrated ropes."""
         nominal, taut, drums = context.nominal, TAUT * context.limits.tension_min, []
-        lengths = rope_lengths(state.motion.x, nominal.track)
+        known, noise = (state.rope_1, state.rope_2), self.kalman.position_noise
         now = timely(state.motion, measurement, self.kalman, nominal)
         measured = (now.F1, now.theta_1), (now.F2, now.theta_2)
-        for side, knowledge, length, (F, theta) in zip(
-            nominal.sides, (state.rope_1, state.rope_2), lengths, measured, strict=True
-        ):
-            stretch = F / stiffness(length, kelvin_voigt(side.rope))
+        stretches = [
+            F / stiffness(length, kelvin_voigt(side.rope))
+            for side, length, (F, _) in zip(
+                nominal.sides, rope_lengths(state.motion.x, nominal.track), measured, strict=True
+            )
+        ]
+        spreads = tuple(
+            stretch**2 / (rope.information + 1 / self.calibration.deviation**2)
+            for stretch, rope in zip(stretches, known, strict=True)
+        )
+        encoders = witnesses(state.motion, now, with_ropes(nominal, *known), context, spreads)
+        motion, is_confirmed = with_gated_position(state.motion, now, encoders, self.kalman, self.trust, context)
+        trusted = 1 - motion.gates.position.rejected if isinstance(motion.gates, Gates) else 1.0
+        for side, knowledge, stretch, (F, theta) in zip(nominal.sides, known, stretches, measured, strict=True):
             offset = side.winch.drum_radius * theta - side.direction * now.x
-            noise = self.kalman.position_noise
-            drums.append(learn(knowledge, stretch, offset, taut < F, noise, self.calibration, context.sample_time))
+            counts = both(taut < F, trusted)
+            drums.append(learn(knowledge, stretch, offset, counts, noise, self.calibration, context.sample_time))
         rope_1, rope_2 = drums
-        ropes = {"rope_1": _calibrated(nominal.rope_1, rope_1), "rope_2": _calibrated(nominal.rope_2, rope_2)}
-        motion, estimate = filter_motion(state.motion, measurement, self.kalman, replace(nominal, **ropes), context)
+        motion, estimate = filter_motion(
+            motion, measurement, self.kalman, with_ropes(nominal, *drums), context, self.trust, is_confirmed
+        )
+        output = GatedCalibratingEstimate if isinstance(estimate, GatedMotion) else CalibratingEstimate
         learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
-        return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)
+        return CalibratingState(motion, rope_1, rope_2), output(**vars(estimate) | learnt)
 
     def informed(
         self, state: CalibratingState, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context
@@ -150,6 +167,11 @@ class CalibratingKalman(Estimator):
             excess = nominal.modulus * nominal.area / (rope.modulus * rope.area) - 1
             drums.append(RopeKnowledge(excess, INFORMED))
         return replace(state, rope_1=drums[0], rope_2=drums[1])
+
+
+def with_ropes(nominal: Plant, rope_1: RopeKnowledge, rope_2: RopeKnowledge) -> Plant:
+    """The nominal plant with the estimated compliances of its ropes."""
+    return replace(nominal, rope_1=_calibrated(nominal.rope_1, rope_1), rope_2=_calibrated(nominal.rope_2, rope_2))
 
 
 def _calibrated(rope: RopeLaw, known: RopeKnowledge) -> Rope:

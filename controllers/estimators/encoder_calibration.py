@@ -34,6 +34,7 @@ from typing import Annotated, Any
 import annotated_types as at
 import numpy as np
 
+from dualwinch.controllers.estimators.innovation_gate import GateGains
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
 from dualwinch.model.matrix import dot
@@ -118,27 +119,13 @@ class DrumGains:
 
 
 @dataclass(frozen=True)
-class TrustGains:
+class TrustGains(GateGains):
     """Rejection of outlying readings, and detection of encoder faults."""
 
-    false_alarm: Annotated[
-        float,
-        at.Ge(0),
-        at.Le(0.1),
-        Quantity(
-            "1", "probability that the gate rejects a sound reading of position or speed; 0: no gate", "assumption"
-        ),
-        Mark.SHAPES_CODE,
-        Mark.GATE,
-    ] = 0.0
     gate: Annotated[
         Positive,
         Quantity("1", "standard deviations of the innovation beyond which a reading is an outlier", "assumption"),
         Tunable(3, 10, standard=False),
-    ] = 5.0
-    hold_time: Annotated[
-        Positive,
-        Quantity("s", "longest time for which the gate does without the position sensor", "assumption"),
     ] = 5.0
     frozen_after: Annotated[
         int, at.Ge(1), Quantity("1", "samples after which an exactly repeated reading is invalid", "assumption")

@@ -15,12 +15,35 @@ Section 5.4). Given the probability of a false alarm of a measurement:
    that it falls below its own within a few memories.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
-from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.scalar import Scalar, clip, either, sqrt, where
+import annotated_types as at
+
+from dualwinch.model.quantities.quantity import Mark, Positive, Quantity
+from dualwinch.model.scalar import Scalar, both, clip, either, sqrt, where
+
+
+@dataclass(frozen=True)
+class GateGains:
+    """Rejection of improbable readings of position and speed."""
+
+    false_alarm: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(0.1),
+        Quantity(
+            "1", "probability that the gate rejects a sound reading of position or speed; 0: no gate", "assumption"
+        ),
+        Mark.SHAPES_CODE,
+        Mark.GATE,
+    ] = 0.0
+    hold_time: Annotated[
+        Positive,
+        Quantity("s", "longest time for which the gate does without the position sensor", "assumption"),
+    ] = 5.0
 
 
 @dataclass(frozen=True)
@@ -30,6 +53,29 @@ class GateState:
     mean: Annotated[Scalar, Quantity("1", "fading mean of the innovation, in its unit"), Mark.BOOKKEEPING] = 0.0
     followed: Annotated[Scalar, Quantity("1", "the part of it that the estimate followed"), Mark.BOOKKEEPING] = 0.0
     rejected: Annotated[Scalar, Quantity("1", "1 where the last measurement was rejected"), Mark.BOOKKEEPING] = 0.0
+
+
+@dataclass(frozen=True)
+class Gates:
+    """States of the gates of position and speed."""
+
+    position: GateState = field(default_factory=GateState)
+    speed: GateState = field(default_factory=GateState)
+    held: Annotated[Scalar, Quantity("s", "time since which the position is improbable"), Mark.BOOKKEEPING] = 0.0
+
+
+class Witness(NamedTuple):
+    """An encoder that may confirm the prediction against the position sensor.
+
+    Attributes:
+        off: its position beyond the predicted one in m.
+        taut: whether its rope is taut.
+        spread: variance in m² of the lasting error of its position.
+    """
+
+    off: Scalar
+    taut: Scalar
+    spread: Scalar
 
 
 def chi_square_quantile(false_alarm: float) -> float:
@@ -74,3 +120,50 @@ def gated(
     rejected = either(is_improbable(innovation, variance, false_alarm), is_improbable(mean, of_mean, false_alarm))
     followed = state.followed + memory * (innovation - state.followed)
     return GateState(mean, where(rejected, 0.0, followed), rejected)
+
+
+def position_gated(
+    gates: Gates,
+    innovation: Scalar,
+    witnesses: Sequence[Witness],
+    gains: GateGains,
+    *,
+    sensor: Scalar,
+    encoder: Scalar,
+    memory: Scalar,
+    sample_time: Scalar,
+) -> tuple[Gates, Scalar]:
+    """The gates after a reading of the position sensor, and whether the prediction is confirmed.
+
+    A position is rejected for at most `GateGains.hold_time`, and only while both encoders confirm the prediction: two
+    of three that measure the same are right.
+
+    Args:
+        gates: before the reading.
+        innovation: of the reading in m; 0 without a reading.
+        witnesses: the encoders.
+        gains: of the gates.
+        sensor: variance in m² of the position sensor's noise.
+        encoder: that of an encoder's.
+        memory: weight of a sample in the fading mean.
+        sample_time: in s.
+    """
+    confirmed, spread = 1.0, 0.0
+    for witness in witnesses:
+        agrees = 1 - is_improbable(witness.off, encoder + witness.spread, gains.false_alarm)
+        confirmed, spread = confirmed * both(witness.taut, agrees), spread + witness.spread / len(witnesses)
+    variance = sensor + encoder + spread
+    gate = gated(
+        gates.position,
+        innovation,
+        used=variance,
+        unused=variance,
+        lasting=spread,
+        memory=memory,
+        false_alarm=gains.false_alarm,
+    )
+    improbable = both(confirmed, gate.rejected)
+    is_over = gates.held >= gains.hold_time  # until the encoders have learnt the position
+    held = where(is_over, gates.held, where(improbable, gates.held + sample_time, 0.0))
+    rejected, held = both(improbable, 1 - is_over), where(gate.rejected, held, 0.0)
+    return replace(gates, position=replace(gate, rejected=rejected), held=held), both(confirmed, 1 - is_over)

@@ -31,23 +31,28 @@ IEEE Transactions on Aerospace and Electronic Systems 38, 2002, without the proc
 with the acceleration a of the prediction. The rows of the measurement matrix in the Riccati equation are those of this
 motion, so that the filter stays stable however late the sensors are.
 
+With a probability of false alarms (`GateGains.false_alarm`) readings of position and speed that the prediction makes
+improbable are not used while both encoders confirm it (`controllers.estimators.innovation_gate`).
+
 Position laws that compensate the forces of a nominal model can use the estimated disturbance: `compensation` is the
 share of it that they add to these forces. The rest is left to an observer of the law, which knows the commands but not
 the tensions.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import annotated_types as at
 
+from dualwinch.controllers.estimators.innovation_gate import GateGains, Gates, Witness, gated, position_gated
 from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, times, transpose
 from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
+from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable, UnitInterval
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
-from dualwinch.model.scalar import Scalar, present, where
+from dualwinch.model.scalar import Scalar, both, present, where
 from dualwinch.model.winch import tension_beyond_sheaves
 
 
@@ -127,6 +132,7 @@ class KalmanState:
     v: Annotated[Scalar, Quantity("m/s", "predicted speed"), Mark.SPEED] = 0.0
     d: Annotated[Scalar, Quantity("m/s^2", "predicted disturbance acceleration")] = 0.0
     rate: Annotated[Scalar, Quantity("m/s^3", "predicted rate of the disturbance")] = 0.0
+    gates: Any = NO_STATE
 
 
 @dataclass(frozen=True)
@@ -136,6 +142,19 @@ class KalmanEstimate(Estimate):
     x_est: Annotated[Scalar, Quantity("m", "estimated position")] = 0.0
     v_est: Annotated[Scalar, Quantity("m/s", "estimated speed")] = 0.0
     d_est: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration, regardless of compensation")] = 0.0
+
+
+@dataclass(frozen=True)
+class GatedMotion(KalmanEstimate):
+    """Output of the filter with a gate."""
+
+    position_used: Annotated[Scalar, Quantity("1", "1 where the reading of the position sensor is accepted")] = 1.0
+    speed_used: Annotated[Scalar, Quantity("1", "1 where the reading of the speed sensor is accepted")] = 1.0
+
+
+def initial_motion(gate: GateGains) -> KalmanState:
+    """At rest at the start of the run, with gates where false alarms have a probability."""
+    return KalmanState(gates=Gates() if gate.false_alarm else NO_STATE)
 
 
 DOUBLINGS = 18
@@ -244,26 +263,120 @@ def _way(v: Scalar, acceleration: Scalar, delay: Scalar) -> Scalar:
     return delay * (v - delay / 2 * acceleration)
 
 
-def filter_motion(
-    state: KalmanState, measurement: Measurement, gains: KalmanGains, nominal: Plant, context: Context
-) -> tuple[KalmanState, KalmanEstimate]:
-    """One sample: correct the predicted state by the measurement, and predict the next.
+def witnesses(
+    state: KalmanState, now: Measurement, nominal: Plant, context: Context, spreads: tuple[Scalar, Scalar]
+) -> tuple[Witness, Witness]:
+    """Both encoders, with the variances in m² of their positions' lasting errors.
 
     The nominal plant has the present calibration. A rope counts as slack far below ``context.limits.tension_min``.
     """
-    position, encoder_1, encoder_2 = _information(gains)
-    total = position + encoder_1 + encoder_2
-    length_1, length_2 = rope_lengths(state.x, nominal.track)
-    F1, F2 = measurement.F1, measurement.F2
-    now = timely(state, measurement, gains, nominal)
-    from_1 = nominal.winch_1.drum_radius * now.theta_1 - F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
-    from_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2)) - nominal.winch_2.drum_radius * now.theta_2
-    taut = TAUT * context.limits.tension_min
-    of_x = position / total * (now.x - state.x)
-    of_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
-    of_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
-    innovations, gain = (of_x, gains.speed_innovation(now.v, state.v)), kalman_gain(gains, context.sample_time)
-    return corrected(state, measurement, innovations, gain, gains, nominal, context.sample_time)
+    encoders, taut = [], TAUT * context.limits.tension_min
+    measured = (now.F1, now.theta_1), (now.F2, now.theta_2)
+    lengths = rope_lengths(state.x, nominal.track)
+    for side, length, (F, theta), spread in zip(nominal.sides, lengths, measured, spreads, strict=True):
+        wound = side.winch.drum_radius * theta - F * compliance(length, kelvin_voigt(side.rope))
+        encoders.append(Witness(side.direction * wound - state.x, taut < F, spread))
+    return encoders[0], encoders[1]
+
+
+def with_gated_position(
+    state: KalmanState,
+    now: Measurement,
+    encoders: tuple[Witness, Witness],
+    gains: KalmanGains,
+    gate: GateGains,
+    context: Context,
+) -> tuple[KalmanState, Scalar]:
+    """The state with its gates after a reading of the position, and whether the encoders confirm the prediction."""
+    if not isinstance(state.gates, Gates):
+        return state, 1.0
+    position, *drums = _information(gains)
+    ((of_x, _), *_) = kalman_gain(gains, context.sample_time)
+    gates, is_confirmed = position_gated(
+        state.gates,
+        now.x - state.x,
+        encoders,
+        gate,
+        sensor=gains.position_noise**2,
+        encoder=gains.encoder_noise**2,
+        memory=of_x * position / (position + sum(drums)),
+        sample_time=context.sample_time,
+    )
+    return replace(state, gates=gates), is_confirmed
+
+
+def filter_motion(
+    state: KalmanState,
+    measurement: Measurement,
+    gains: KalmanGains,
+    nominal: Plant,
+    context: Context,
+    gate: GateGains,
+    is_confirmed: Scalar = 1.0,
+) -> tuple[KalmanState, KalmanEstimate]:
+    """One sample: correct the predicted state by the measurement, and predict the next.
+
+    The nominal plant has the present calibration. The gate of the position has been asked (`with_gated_position`), that
+    of the speed is here.
+    """
+    position, *drums = _information(gains)
+    total, now = position + sum(drums), timely(state, measurement, gains, nominal)
+    gain, predicted = kalman_gain(gains, context.sample_time), state
+    of_position = now.x - state.x
+    if isinstance(state.gates, Gates):
+        of_position = where(state.gates.position.rejected, 0.0, of_position)
+        if gains.speed_sensor:
+            predicted, gain = with_gated_speed(state, gain, now.v, is_confirmed, gains, gate, context.sample_time)
+    of_x = position / total * of_position
+    for information, encoder in zip(drums, witnesses(state, now, nominal, context, (0.0, 0.0)), strict=True):
+        of_x += information / total * where(encoder.taut, encoder.off, 0.0)
+    innovations = of_x, gains.speed_innovation(now.v, predicted.v)
+    return corrected(predicted, measurement, innovations, gain, gains, nominal, context.sample_time)
+
+
+def with_gated_speed(
+    state: KalmanState,
+    gain: Matrix,
+    reading: Scalar,
+    is_confirmed: Scalar,
+    gains: KalmanGains,
+    gate: GateGains,
+    sample_time: Scalar,
+    spread: Scalar = 0.0,
+) -> tuple[KalmanState, Matrix]:
+    """The state with its gates after the wheel's reading in m/s, and the gain with the wheel or without.
+
+    The wheel is rejected only where the encoders confirm the prediction. Of the speed, whose gain on its innovation
+    is the gate's memory, what the estimate followed of the wheel is taken back, of the disturbance in proportion. The
+    spread is the variance of the reading's lasting error.
+    """
+    noise = gains.speed_noise**2
+    complete, coasting = (steady_filter(gains, sample_time, speed_sensor=there) for there in (True, False))
+    (_, _), (_, memory), (_, of_d) = complete.gain
+    speed = gated(
+        state.gates.speed,
+        reading - state.v,
+        used=complete.speed_variance + noise,
+        unused=coasting.speed_variance + noise + spread,
+        lasting=0.0,
+        memory=memory,
+        false_alarm=gate.false_alarm,
+    )
+    rejected = both(speed.rejected, is_confirmed)
+    back = where(rejected, state.gates.speed.followed, 0.0)
+    learnt = back * of_d / memory
+    gain = tuple(
+        (where(rejected, alone, of_x), where(rejected, 0.0, of_v))
+        for (of_x, of_v), (alone,) in zip(gain, coasting.gain, strict=True)
+    )
+    predicted = replace(
+        state,
+        v=state.v - back,
+        d=state.d - learnt,
+        rate=state.rate - gains.ramp * gains.bandwidth * learnt,
+        gates=replace(state.gates, speed=replace(speed, rejected=rejected)),
+    )
+    return predicted, gain
 
 
 def corrected(
@@ -288,36 +401,51 @@ def corrected(
     d, rate = state.d + learnt, state.rate + gains.ramp * gains.bandwidth * learnt
     pull = pull_on_vehicle(measurement, v, nominal)
     acceleration = vehicle_acceleration(v, pull, DisturbanceInputs(), nominal.vehicle) + d
-    following = KalmanState(
+    following = replace(
+        state,
         x=x + sample_time * v + sample_time**2 / 2 * acceleration,
         v=v + sample_time * acceleration,
         d=d + sample_time * rate,
         rate=rate,
     )
     better = {"x": x, "v": v, "d": gains.compensation * d, "x_est": x, "v_est": v, "d_est": d}
+    if isinstance(gates := state.gates, Gates):
+        better |= {"position_used": 1 - gates.position.rejected, "speed_used": 1 - gates.speed.rejected}
+        return following, GatedMotion(**vars(measurement) | better)
     return following, KalmanEstimate(**vars(measurement) | better)
 
 
 @dataclass(frozen=True)
-class Kalman(Estimator):
-    """The filter and its gains."""
+class MotionFilter(Estimator):
+    """What filters of the vehicle's motion have in common."""
 
     kalman: KalmanGains = field(default_factory=KalmanGains)
-
-    kind: ClassVar = "kalman"
-    label: ClassVar = "Kalman filter"
 
     @property
     def silent(self) -> frozenset[str]:
         """Names of measurements that may be missing."""
         return self.kalman.silent
 
+
+@dataclass(frozen=True)
+class Kalman(MotionFilter):
+    """The filter, its gains and its gate."""
+
+    trust: GateGains = field(default_factory=GateGains)
+
+    kind: ClassVar = "kalman"
+    label: ClassVar = "Kalman filter"
+
     def initial_state(self) -> KalmanState:
         """At rest at the start of the run."""
-        return KalmanState()
+        return initial_motion(self.trust)
 
     def step(
         self, state: KalmanState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[KalmanState, KalmanEstimate]:
         """One sample of the filter."""
-        return filter_motion(state, measurement, self.kalman, context.nominal, context)
+        now = timely(state, measurement, self.kalman, context.nominal)
+        uncalibrated = self.kalman.encoder_noise**2
+        encoders = witnesses(state, now, context.nominal, context, (uncalibrated, uncalibrated))
+        state, is_confirmed = with_gated_position(state, now, encoders, self.kalman, self.trust, context)
+        return filter_motion(state, measurement, self.kalman, context.nominal, context, self.trust, is_confirmed)

@@ -38,18 +38,20 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     tared,
     unknown_errors,
 )
-from dualwinch.controllers.estimators.innovation_gate import GateState, gated, is_improbable
+from dualwinch.controllers.estimators.innovation_gate import Gates, Witness, position_gated
 from dualwinch.controllers.estimators.kalman import (
     TAUT,
     KalmanEstimate,
     KalmanGains,
     KalmanState,
+    MotionFilter,
     corrected,
+    initial_motion,
     kalman_gain,
-    steady_filter,
     timely,
+    with_gated_speed,
 )
-from dualwinch.controllers.parts import Context, Estimator, Measurement
+from dualwinch.controllers.parts import Context, Measurement
 from dualwinch.model.heavy_ropes import sag_shortening
 from dualwinch.model.matrix import Matrix
 from dualwinch.model.plant import Plant, Side
@@ -57,7 +59,20 @@ from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import Track, compliance, kelvin_voigt, rope_lengths, tangent_rope
-from dualwinch.model.scalar import Scalar, absolute, both, clip, either, exp, maximum, minimum, present, sqrt, where
+from dualwinch.model.scalar import (
+    Scalar,
+    absolute,
+    both,
+    clip,
+    either,
+    exp,
+    has_begun,
+    maximum,
+    minimum,
+    present,
+    sqrt,
+    where,
+)
 from dualwinch.model.winch import base_radius, winding
 
 
@@ -81,15 +96,6 @@ class WheelKnowledge:
 
 
 @dataclass(frozen=True)
-class Gates:
-    """States of the gates of position and speed."""
-
-    position: GateState = field(default_factory=GateState)
-    speed: GateState = field(default_factory=GateState)
-    held: Annotated[Scalar, Quantity("s", "time since which the position is improbable"), Mark.BOOKKEEPING] = 0.0
-
-
-@dataclass(frozen=True)
 class SelfCalibratingState:
     """State of the filter, of the calibrations of encoders and wheel, and of the detection of silence."""
 
@@ -102,7 +108,6 @@ class SelfCalibratingState:
         Scalar, Quantity("1", "samples since the calibration was updated"), Mark.PHASE, Mark.BOOKKEEPING
     ] = 0.0
     pending: Annotated[Scalar, Quantity("m", "shift by calibration that has not yet reached the position law")] = 0.0
-    gates: Any = NO_STATE
 
 
 @dataclass(frozen=True)
@@ -163,9 +168,6 @@ PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess", "delay")
 
 TINY = 1e-12
 """In m, less than any sag's shortening."""
-
-FIRST = 0.5
-"""Threshold of `SensorWatch.started`, 0 at the first sample and then 1: a steady-state solver may leave round-off."""
 
 LEAST_INFORMATION = 1e-6
 """Floor of the total information, as a share of the position sensor's, without any position measurement."""
@@ -263,10 +265,9 @@ def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matri
 
 
 @dataclass(frozen=True)
-class SelfCalibratingKalman(Estimator):
+class SelfCalibratingKalman(MotionFilter):
     """The filter, the prior of drums and ropes, and the tests of the sensors."""
 
-    kalman: KalmanGains = field(default_factory=KalmanGains)
     drums: DrumGains = field(default_factory=DrumGains)
     trust: TrustGains = field(default_factory=TrustGains)
 
@@ -276,14 +277,13 @@ class SelfCalibratingKalman(Estimator):
     @property
     def silent(self) -> frozenset[str]:
         """Names of measurements that may be missing."""
-        return self.kalman.silent | {"x"}
+        return super().silent | {"x"}
 
     def initial_state(self) -> SelfCalibratingState:
         """At rest at the start of the run, with nominal drums, ropes and encoders."""
         unknown = unknown_errors(self.drums)
         wheel = WheelKnowledge() if self.kalman.speed_sensor and present(self.drums.wheel) else NO_STATE
-        gates = Gates() if self.trust.false_alarm else NO_STATE
-        return SelfCalibratingState(KalmanState(), unknown, unknown, wheel, gates=gates)
+        return SelfCalibratingState(initial_motion(self.trust), unknown, unknown, wheel)
 
     def step(
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
@@ -300,22 +300,27 @@ class SelfCalibratingKalman(Estimator):
         now = timely(state.motion, replace(measurement, x=watch.reading), gains, context.nominal, age)
         reading = Reading(now.x, alive, gains.position_noise)
         due = True if self.drums.interval == 1 else state.samples == 0
-        drums, resting = _drums(now, state.motion, context), both(due, state.watch.started < FIRST)
+        drums, resting = _drums(now, state.motion, context), both(due, 1 - has_begun(state.watch.started))
         late = lateness(state.motion.v, (state.encoder_1, state.encoder_2), self.drums)
-        gates, is_confirmed = state.gates, 1.0
-        if isinstance(gates, Gates):
-            late_reading = replace(reading, x=reading.x + late)
-            gates, is_confirmed = self._position_gated(gates, late_reading, state, drums, sample_time)
+        predicted, is_confirmed = state.motion, 1.0
+        if isinstance(predicted.gates, Gates):
+            innovation_of_x = where(alive, reading.x + late - x, 0.0)
+            gates, is_confirmed = self._position_gated(predicted.gates, innovation_of_x, state, drums, sample_time)
             reading = replace(reading, trusted=1 - gates.position.rejected)
+            predicted = replace(predicted, gates=gates)
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
         late = lateness(state.motion.v, (encoder_1, encoder_2), self.drums)
         punctual = replace(reading, x=reading.x + late, alive=both(reading.alive, reading.trusted))
         fused = innovation(x, punctual, drums, (position_1, position_2), gains, self.trust)
-        gain, rolled, predicted = blended_gain(gains, fused.lead, sample_time), now.v, state.motion
-        if isinstance(gates, Gates) and gains.speed_sensor:
-            gates, gain, predicted = self._speed_gated(gates, gain, now.v, state, is_confirmed, sample_time)
-            rolled = where(gates.speed.rejected > 0, predicted.v * (1 + wheel_error(state.wheel)), now.v)
+        gain, rolled = blended_gain(gains, fused.lead, sample_time), now.v
+        if isinstance(predicted.gates, Gates) and gains.speed_sensor:
+            wheel_scale = 1 + wheel_error(state.wheel)
+            spread = (state.motion.v * wheel_deviation(state.wheel, self.drums)) ** 2
+            predicted, gain = with_gated_speed(
+                predicted, gain, now.v / wheel_scale, is_confirmed, self.kalman, self.trust, sample_time, spread
+            )
+            rolled = where(predicted.gates.speed.rejected > 0, predicted.v * wheel_scale, now.v)
         wheel, speed = self._rolled(state.wheel, rolled, x, sample_time)
         motion, estimate = corrected(
             replace(predicted, x=x + fused.shift),
@@ -328,79 +333,35 @@ class SelfCalibratingKalman(Estimator):
         )
         pending = (state.pending + fused.shift) * (1 - sample_time / self.trust.slide_time)
         samples = where(state.samples + 1 < self.drums.interval, state.samples + 1, 0.0)
-        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending, gates)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
-        learnt |= {"speed_used": 1 - gates.speed.rejected} if isinstance(gates, Gates) else {}
         return following, self._output_type()(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
     def _position_gated(
-        self, gates: Gates, reading: Reading, state: SelfCalibratingState, drums: tuple[Drum, Drum], sample_time: Scalar
-    ) -> tuple[Gates, Scalar]:
-        """The gates after a reading of the position sensor, and whether the prediction is confirmed.
-
-        A position is rejected for at most `TrustGains.hold_time`, and only while both encoders confirm the prediction:
-        two of three that measure the same are right.
-        """
-        x, trust, noise = state.motion.x, self.trust, self.kalman.position_noise**2
-        confirmed, variance, of_encoders = 1.0, 0.0, self.kalman.encoder_noise**2
-        for drum, known in zip(drums, (state.encoder_1, state.encoder_2), strict=True):
-            spread = noise * known.gathered.variance
-            off = drum_position(known, drum, self.drums, self.kalman.position_noise) - x
-            agrees = 1 - is_improbable(off, of_encoders + spread, trust.false_alarm)
-            confirmed, variance = confirmed * both(drum.taut, agrees), variance + spread / len(drums)
-        gate = gated(
-            gates.position,
-            where(reading.alive, reading.x - x, 0.0),
-            used=noise + of_encoders + variance,
-            unused=noise + of_encoders + variance,
-            lasting=variance,
-            memory=sample_time / trust.fault_time,
-            false_alarm=trust.false_alarm,
-        )
-        improbable = both(confirmed, gate.rejected)
-        is_over = gates.held >= trust.hold_time  # until the encoders have learnt the position
-        held = where(is_over, gates.held, where(improbable, gates.held + sample_time, 0.0))
-        rejected, held = both(improbable, 1 - is_over), where(gate.rejected, held, 0.0)
-        return replace(gates, position=replace(gate, rejected=rejected), held=held), both(confirmed, 1 - is_over)
-
-    def _speed_gated(
         self,
         gates: Gates,
-        gain: Matrix,
-        reading: Scalar,
+        innovation: Scalar,
         state: SelfCalibratingState,
-        is_confirmed: Scalar,
+        drums: tuple[Drum, Drum],
         sample_time: Scalar,
-    ) -> tuple[Gates, Matrix, KalmanState]:
-        """The gates after the wheel's reading in m/s, the gain with the wheel or without, and the prediction.
-
-        The wheel is rejected only where the encoders confirm the prediction. Of the speed, whose gain on its innovation
-        is the gate's memory, what the estimate followed of the wheel is taken back, of the disturbance in proportion.
-        """
-        gains, v, noise = self.kalman, state.motion.v, self.kalman.speed_noise**2
-        complete, coasting = (steady_filter(gains, sample_time, speed_sensor=there) for there in (True, False))
-        (_, _), (_, memory), (_, of_d) = complete.gain
-        gate = gated(
-            gates.speed,
-            reading / (1 + wheel_error(state.wheel)) - v,
-            used=complete.speed_variance + noise,
-            unused=coasting.speed_variance + noise + (v * wheel_deviation(state.wheel, self.drums)) ** 2,
-            lasting=0.0,
-            memory=memory,
-            false_alarm=self.trust.false_alarm,
+    ) -> tuple[Gates, Scalar]:
+        """The gates after the innovation in m of the position sensor, and whether encoders confirm the prediction."""
+        noise, encoders = self.kalman.position_noise, []
+        for drum, known in zip(drums, (state.encoder_1, state.encoder_2), strict=True):
+            off = drum_position(known, drum, self.drums, noise) - state.motion.x
+            encoders.append(Witness(off, drum.taut, noise**2 * known.gathered.variance))
+        return position_gated(
+            gates,
+            innovation,
+            encoders,
+            self.trust,
+            sensor=noise**2,
+            encoder=self.kalman.encoder_noise**2,
+            memory=sample_time / self.trust.fault_time,
+            sample_time=sample_time,
         )
-        rejected = both(gate.rejected, is_confirmed)
-        back = where(rejected, gates.speed.followed, 0.0)
-        learnt = back * of_d / memory
-        rate = state.motion.rate - gains.ramp * gains.bandwidth * learnt
-        predicted = replace(state.motion, v=v - back, d=state.motion.d - learnt, rate=rate)
-        gain = tuple(
-            (where(rejected, alone, of_x), where(rejected, 0.0, of_v))
-            for (of_x, of_v), (alone,) in zip(gain, coasting.gain, strict=True)
-        )
-        return replace(gates, speed=replace(gate, rejected=rejected)), gain, predicted
 
     def _output_type(self) -> type[SelfCalibratingEstimate]:
         drums = self.drums

@@ -78,6 +78,17 @@ def test_faults_reach_the_estimate_without_a_gate_and_not_with_it(faults: dict[s
     assert largest_error(0.0, **faults) > 3 * sound
 
 
+@pytest.mark.parametrize("estimator", ["kalman", "calibrating-kalman"])
+def test_a_slipping_wheel_is_done_without_by_every_kalman_filter(estimator: str) -> None:
+    def error(**sizes: float) -> float:
+        short = {"controller.estimator": estimator, "simulation.duration": 7.0, "sensors.speed_fault": 0.3}
+        columns = simulate(override(faulty(**sizes), short)).columns
+        assert ("speed_used" in columns) == bool(sizes["probability"])
+        return float(np.abs(columns["v_est"] - columns["v"])[columns["t"] > 1].max())
+
+    assert error(probability=1e-6) < 0.1 * error(probability=0.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("faults", [{"encoder_fault_1": 0.02, "fault_length": 0.01}, {"encoder_fault_2": 0.009}])
 def test_an_encoder_that_slips_is_outvoted(faults: dict[str, float]) -> None:
