@@ -190,6 +190,9 @@ def formula_design(experiment: Experiment, shares: Shares = ALL, kept: Collectio
     )
     designed = replace(experiment, controller=controller)
     values = leaves(experiment)
+    estimated = experiment.sensors.tension == "none"
+    bandwidth = 1 / (LAG_RATIO * timing_of(experiment).lag) if estimated else 0.0
+    designed = with_leaves(designed, {"controller.tension_observer.bandwidth": bandwidth})
     if "controller.kalman.speed_sensor" in values:
         designed = with_leaves(designed, {"controller.kalman.speed_sensor": experiment.sensors.speed != "none"})
     return with_leaves(designed, {key: values[key] for key in kept if key in values and key.startswith("controller.")})

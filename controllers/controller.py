@@ -22,16 +22,17 @@ from dualwinch.controllers.parts import (
     PositionOutput,
 )
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
+from dualwinch.controllers.tension_observer import TensionObserver, TensionState, commanded, observed
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed, previewed
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.part import PartChoice
+from dualwinch.model.quantities.part import NO_STATE, PartChoice
 from dualwinch.model.quantities.quantity import Key, Mark, Quantity
 from dualwinch.model.quantities.steps import started, stepped
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar
+from dualwinch.model.scalar import Scalar, present
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,13 @@ class Controller:
         PartChoice("coordination.kind", COORDINATIONS),
     ] = field(default_factory=DifferentialTension)
     nominal: Nominal = field(default_factory=Nominal)
+    tension_observer: TensionObserver = field(default_factory=TensionObserver)
+
+    @property
+    def silent(self) -> frozenset[str]:
+        """Names of measurements that may be missing: those of the estimator, and tensions where they are estimated."""
+        tensions = frozenset({"F1", "F2"} if present(self.tension_observer.bandwidth) else ())
+        return self.estimator.silent | tensions
 
     @property
     def preview(self) -> tuple[float, ...]:
@@ -86,11 +94,12 @@ class ControllerOutput:
 
 @dataclass(frozen=True)
 class ControllerState:
-    """States of the three parts."""
+    """States of the three parts, and of the observers of tensions."""
 
     estimator: Any
     law: Any
     coordination: Any
+    tensions: Any = NO_STATE
 
 
 def initial_controller_state(controller: Controller, x: Scalar = 0.0) -> ControllerState:
@@ -103,6 +112,7 @@ def initial_controller_state(controller: Controller, x: Scalar = 0.0) -> Control
         estimator=started(controller.estimator),
         law=started(controller.law),
         coordination=started(controller.coordination),
+        tensions=TensionState() if present(controller.tension_observer.bandwidth) else NO_STATE,
     )
     descriptions, values = describe_parts(state), leaves(state)
     return with_leaves(
@@ -130,13 +140,19 @@ def controller_step(
     context = Context(nominal, controller.limits, sample_time)
     if not isinstance(setpoint, Previewed):
         setpoint = previewed(setpoint, controller.preview)
+    tensions, bandwidth = state.tensions, controller.tension_observer.bandwidth
+    if isinstance(tensions, TensionState):
+        preload = controller.limits.preload
+        tensions, measurement = observed(tensions, measurement, nominal, preload, bandwidth, sample_time)
     estimator, estimate = stepped(controller.estimator, state.estimator, Estimate, measurement, setpoint, context)
     law, position = stepped(controller.law, state.law, PositionOutput, estimate, setpoint, context)
     force = position.u_sat if shared_force is None else shared_force
     coordination, winches = stepped(
         controller.coordination, state.coordination, CoordinationOutput, force, estimate, setpoint, context
     )
-    return ControllerState(estimator, law, coordination), ControllerOutput(estimate, position, winches)
+    if isinstance(tensions, TensionState):
+        tensions = commanded(tensions, winches)
+    return ControllerState(estimator, law, coordination, tensions), ControllerOutput(estimate, position, winches)
 
 
 SATURATED = "saturated"

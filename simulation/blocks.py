@@ -322,7 +322,7 @@ def _assemble(
         sample_time=experiment.simulation.sample_time,
         output=output,
         derivative=function("derivative") if law.derivative else None,
-        silent=experiment.controller.estimator.silent & inputs.keys() if name == "controller" else frozenset(),
+        silent=experiment.controller.silent & inputs.keys() if name == "controller" else frozenset(),
         rules=ca.Function("rules", [_column(parameters)], [requirements], ["parameters"], ["holds"]) if ruled else None,
         ruled=ruled,
     )

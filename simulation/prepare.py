@@ -90,10 +90,15 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
     _check_time(experiment)
     _check_signals(experiment)
     _check_delays(experiment)
-    if experiment.sensors.speed == "none" and "v" not in experiment.controller.estimator.silent:
+    if experiment.sensors.speed == "none" and "v" not in experiment.controller.silent:
         raise ConfigurationError(
             'sensors.speed = "none": must be "wheel" for an estimator that reads the speed; Kalman filters do without '
             "it where controller.kalman.speed_sensor = false"
+        )
+    if experiment.sensors.tension == "none" and "F1" not in experiment.controller.silent:
+        raise ConfigurationError(
+            'sensors.tension = "none": must be "load-cells" for a controller that reads tensions; it estimates them '
+            "where controller.tension_observer.bandwidth > 0 rad/s"
         )
     try:
         _check_reference(experiment)

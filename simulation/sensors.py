@@ -24,6 +24,7 @@ from dualwinch.simulation.lateness import (
 
 Silence: TypeAlias = Literal["held", "missing"]
 SpeedSensor: TypeAlias = Literal["wheel", "none"]
+TensionSensor: TypeAlias = Literal["load-cells", "none"]
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,10 @@ class Sensors:
         Quantity("s", "time by which the speed reading is late", "assumption"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
+    tension: Annotated[
+        TensionSensor,
+        Quantity("", "sensors of the tensions; none: no readings, for controllers that estimate them", ""),
+    ] = "load-cells"
     tension_noise: Annotated[
         NonNegative, Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
@@ -296,7 +301,7 @@ def sensors_structure(sensors: Sensors) -> Sensors:
         name: PLACEHOLDER for name in (*DELAYS, *EFFECTS, *FAULTS) if present(getattr(sensors, name))
     }
     shaping |= {"memory": sensors.memory} if is_late(sensors) else {}
-    return Sensors(**outages, **shaping, speed=sensors.speed)
+    return Sensors(**outages, **shaping, speed=sensors.speed, tension=sensors.tension)
 
 
 def is_late(sensors: Sensors) -> bool:
@@ -427,8 +432,8 @@ def measure(
     return now, Measurement(
         x=x,
         v=math.nan if sensors.speed == "none" else exact.v + sensors.speed_noise * noise.speed,
-        F1=exact.F1 + sensors.tension_noise * noise.tension_1,
-        F2=exact.F2 + sensors.tension_noise * noise.tension_2,
+        F1=math.nan if sensors.tension == "none" else exact.F1 + sensors.tension_noise * noise.tension_1,
+        F2=math.nan if sensors.tension == "none" else exact.F2 + sensors.tension_noise * noise.tension_2,
         omega_1=drum_speed(exact.omega_1, (now.theta_1 - last.theta_1) / sample_time, sensors),
         omega_2=drum_speed(exact.omega_2, (now.theta_2 - last.theta_2) / sample_time, sensors),
         theta_1=now.theta_1,

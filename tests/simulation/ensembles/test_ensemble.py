@@ -89,6 +89,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "simulation.delay_samples": 4,
         "simulation.readings": True,
         "sensors.speed": "none",
+        "sensors.tension": "none",
         "metrics": ["room"],
         "actuator.kind": "motor",
         "plant.rope_1.segments": 3,

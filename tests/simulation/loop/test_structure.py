@@ -81,6 +81,7 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
             "sensors.outage",
             "sensors.memory",
             "sensors.speed",
+            "sensors.tension",
         ),
     }
 
