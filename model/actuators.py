@@ -5,6 +5,13 @@ to what the drive can give: a constant torque up to the base speed and a constan
 (field weakening; Leonhard, Control of Electrical Drives, 3rd ed., 2001). While u is held,
 ``d torque/dt = clip((u − torque)/time_constant, −rate_limit, rate_limit)``. The lag is solved exactly from sample to
 sample, including the end of rate limiting; the plant gets the mean torque of the sample, which conserves momentum.
+
+A motor's temperature above its surroundings, over that at the continuous torque, follows the losses of its windings
+(thermal model of first order; IEC 60255-149)::
+
+    thermal_time d heat/dt = (torque/continuous_torque)² − heat
+
+From heat 1 on the drive gives the continuous torque only, until the motor has cooled.
 """
 
 from abc import abstractmethod
@@ -89,8 +96,15 @@ class MotorState:
 
 
 @dataclass(frozen=True)
+class WarmMotorState(MotorState):
+    """State of one motor that warms."""
+
+    heat: Annotated[Scalar, Quantity("1", "temperature above the surroundings over that at the continuous torque")]
+
+
+@dataclass(frozen=True)
 class Motor(Actuator):
-    """First-order lag, and a limit on the torque's rate."""
+    """First-order lag, and limits on the torque and its rate."""
 
     time_constant: Annotated[
         Positive, Quantity("s", "time constant of the torque loop of motor and drive", "assumption")
@@ -109,33 +123,56 @@ class Motor(Actuator):
         Quantity("rad/s", "shaft speed above which the power is constant; 0: the torque is", "data sheet, assumption"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
+    continuous_torque: Annotated[
+        NonNegative,
+        Quantity(
+            "N m", "torque that the motor can give for ever, to which a hot one is limited; 0: no heat", "data sheet"
+        ),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    thermal_time: Annotated[
+        Positive, Quantity("s", "thermal time constant of the motor", "data sheet, assumption"), Mark.SHAPE_PARAMETER
+    ] = 60.0
 
     kind: ClassVar = "motor"
     label: ClassVar = "motor with lag"
 
     def initial_state(self) -> MotorState:
         """No torque."""
-        return MotorState(0.0)
+        return self.holding_state(0.0)
 
     def holding_state(self, torque: Scalar) -> MotorState:
-        """The torque itself."""
-        return MotorState(torque)
+        """The torque itself, and its heat."""
+        if not present(self.continuous_torque):
+            return MotorState(torque)
+        return WarmMotorState(torque, (torque / self.continuous_torque) ** 2)
 
     def step(self, state: MotorState, demand: Demand, sample_time: Scalar) -> tuple[MotorState, Scalar]:
         """Torque at the next sample, and its mean until then."""
         command = self.available(demand)
-        shortfall = command - state.torque
+        if not isinstance(state, WarmMotorState):
+            torque, mean = self._following(state.torque, command, sample_time)
+            return MotorState(torque), mean
+        bearable = clip(command, -self.continuous_torque, self.continuous_torque)
+        torque, mean = self._following(state.torque, where(state.heat < 1, command, bearable), sample_time)
+        _, warmed = _decay(sample_time / self.thermal_time)
+        heat = state.heat + warmed * ((mean / self.continuous_torque) ** 2 - state.heat)
+        return WarmMotorState(torque, heat), mean
+
+    def _following(self, torque: Scalar, command: Scalar, sample_time: Scalar) -> tuple[Scalar, Scalar]:
+        """Torque in N m at the next sample, and its mean until then, that follows a command."""
+        shortfall = command - torque
         if self.rate_limit is None:
             decay, passed = _decay(sample_time / self.time_constant)
             mean_left = passed * self.time_constant / sample_time
-            return MotorState(command - decay * shortfall), command - mean_left * shortfall
+            return command - decay * shortfall, command - mean_left * shortfall
         size, sign = absolute(shortfall), where(shortfall < 0, -1.0, 1.0)
         # at the rate limit first, until the lag alone is slower
         limited = clip(size / self.rate_limit - self.time_constant, 0.0, sample_time)
         then = size - self.rate_limit * limited
         decay, passed = _decay((sample_time - limited) / self.time_constant)
         missed = limited * (size + then) / 2 + then * self.time_constant * passed  # integral of what is missing
-        return MotorState(command - sign * decay * then), command - sign * missed / sample_time
+        return command - sign * decay * then, command - sign * missed / sample_time
 
     def available(self, demand: Demand) -> Scalar:
         """The demanded torque in N m, limited to what the drive can give at the speed of the shaft.

@@ -18,6 +18,7 @@ SIZES = (
     "disturbance.dropout_1.share",
     "disturbance.dropout_2.share",
     "actuator.motor.torque_limit",
+    "actuator.motor.continuous_torque",
 )
 """Keys of the sizes of overloads, which are absent at zero."""
 

@@ -50,3 +50,20 @@ def test_recovery_is_the_longest_time_off_the_reference() -> None:
     ends = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]]).astype(int)))
     assert result.metrics["recovery"] == pytest.approx(np.diff(ends)[::2].max() * 1e-3)
     assert result.metrics["recovery"] > 0.3
+
+
+def test_a_hot_motor_gives_its_continuous_torque_until_it_has_cooled() -> None:
+    """At twice the continuous torque the heat reaches one after T ln(4/3); at none it fades exponentially."""
+    motor, step = Motor(time_constant=1e-4, torque_limit=200.0, continuous_torque=60.0, thermal_time=10.0), 0.01
+    state, torques, heats = motor.initial_state(), [], []
+    for number in range(1000):
+        state, torque = motor.step(state, Demand(120.0 if number < 800 else 0.0, 0.0, 0.0), step)
+        torques.append(torque)
+        heats.append(state.heat)
+    hot = next(number for number, torque in enumerate(torques) if torque < 100 and number > 0)
+    assert hot * step == pytest.approx(10.0 * np.log(4 / 3), abs=3 * step)
+    assert torques[hot + 1 : 800] == pytest.approx([60.0] * (799 - hot))
+    assert heats[-1] == pytest.approx(np.exp(-2.0 / 10.0), rel=0.01)
+    _, again = motor.step(state, Demand(120.0, 0.0, 0.0), step)
+    assert again > 100.0
+    assert motor.holding_state(30.0).heat == pytest.approx(0.25)
