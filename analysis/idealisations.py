@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.arguments import instance
-from dualwinch.model.heavy_ropes import ernst_factor, first_mode, span_of, weight_in_water, wire_rope_mass
+from dualwinch.model.heavy_ropes import ernst_factor, first_mode, mode_error, span_of, weight_in_water, wire_rope_mass
 from dualwinch.model.plant import Plant, Side
 from dualwinch.model.ropes import is_kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, present
@@ -129,7 +129,7 @@ def idealisation_checks(
         facts = {"tension": tension, "span": span, "weight": line.weight, "diameter": 1e3 * side.rope.diameter}
         keys = (f"plant.{rope}.submerged_weight", "plant.track.roller_spacing")
         sagging = present(side.rope.submerged_weight)
-        lack = "with one transverse mode a span" if sagging else line.without
+        lack = ONE_MODE if sagging else line.without
         if not sagging:
             words = (
                 f"{lack}: {line.what} weighs {{weight:.3g}} N/m in water, w s/T = {{value:.3g}} > {{limit:g}} {PLACE}"
@@ -147,6 +147,7 @@ def idealisation_checks(
     return checks
 
 
+ONE_MODE = "with one transverse mode a span"
 AT = "at {tension:g} N"
 PLACE = f"{AT} over {{span:.3g}} m"
 
@@ -192,7 +193,7 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     instance("experiment", experiment, Experiment)
     limits, plant = limits or IdealisationLimits(), experiment.plant
     checks = idealisation_checks(plant, experiment.controller.limits.tension_min, limits)
-    every = [one for check in checks for one in check.idealisation()]
+    every = [_with_mode_error(one) for check in checks for one in check.idealisation()]
     every += [one for side in plant.sides for one in _rope_mass(side, experiment, limits)]
     by_name: dict[str, Idealisation] = {}
     for one in every:
@@ -216,6 +217,14 @@ def _subject(parts: Sequence[str]) -> str:
     """E.g. ``winches``, or ``rope 1``."""
     both = {"winch_1": "winches", "rope_1": "ropes"}
     return both[parts[0]] if len(parts) > 1 else parts[0].replace("_", " ")
+
+
+def _with_mode_error(one: Idealisation) -> Idealisation:
+    """What one transverse mode a span is wrong by beside the stiffness that sag leaves."""
+    if not one.statement.startswith(ONE_MODE):
+        return one
+    error = f"its first frequency up to {100 * mode_error(one.value):.2g} % too high"
+    return replace(one, statement=f"{one.statement}, {error}", brief=f"{one.brief}, {error}")
 
 
 def _rope_mass(side: Side, experiment: Experiment, limits: IdealisationLimits) -> Iterator[Idealisation]:
