@@ -39,7 +39,8 @@
   ONE(torque_step, 0.0)         /* N m: steps of torque commands, as on a fieldbus; 0: none */                         \
   ONE(slack_below, 0.0)         /* N: a rope with no more tension than this counts as slack */                         \
   EACH(sheave, 0.0)             /* mu theta of the rope over a sheave by the drum, beyond the load cell at the drum */ \
-  ONE(position_late, 0.0)       /* s by which the position sensor is late; up to 63 samples */                         \
+  ONE(position_late, 0.0)       /* s by which the position sensor is late; up to 127 samples */                        \
+  ONE(position_rate, 0.0)       /* its readings a second, each held until the next; 0: one a sample */                 \
   ONE(fault_start, 20.0)        /* s: begin of the first of these faults */                                            \
   ONE(fault_length, 0.5)        /* s */                                                                                \
   ONE(fault_period, 1e3)        /* s from one to the next */                                                           \

@@ -16,7 +16,7 @@
 #include "sensed.h"
 
 #define LONGEST_DELAY 8
-#define LONGEST_LATE 64
+#define LONGEST_LATE 128
 
 static const double DRUM_FRICTION = 96.0;
 
@@ -128,6 +128,11 @@ static void faults(const struct effects *is, double t, double *on, double *count
   double share = (since - past * is->fault_period) / is->fault_length;
   *on = share >= 0.0 && share < 1.0 ? 1.0 : 0.0;
   *count = past + fmin(fmax(share, 0.0), 1.0);
+}
+
+/* Whether a sensor reads in a sample, of which it has a share of readings; 0: it always does. */
+static int is_due(long number, double share) {
+  return share <= 0.0 || floor((double)number * share + 1e-6) > floor((double)(number - 1) * share + 1e-6);
 }
 
 /* Positions at the last samples, the latest first, with their times. */
@@ -265,6 +270,7 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
     }
     off += slipping * m.is.position_fault;
     sensed.x = rounded(earlier(&track, t, state[X], m.is.position_late) + off + m.position_noise * normal(), m.resolution);
+    if (k > 0 && !is_due(k, sample * m.is.position_rate)) sensed.x = shown;
     if (k >= silent_from && k < silent_to) sensed.x = how->missing ? NAN : shown;
     if (isfinite(sensed.x)) shown = sensed.x;
     sensed.v = state[V] * (1.0 + m.is.wheel_error * (1.0 - m.is.learnt_wheel)) * (1.0 + slipping * m.is.wheel_slip);

@@ -1,9 +1,10 @@
 """Gains on machines as they are built that are overloaded, or whose sensors are wrong or late.
 
 ``python -m benchmarks.independent.overloads --config best.toml`` prints a row for each overload, or with ``--sensors``
-for each fault of a sensor, on machines with all effects of `benchmarks.independent.site`. The sizes are typical values:
-a push changes the vehicle's speed by 0.24 m/s, or lasts for most of the cruise; the drives' power is what 133 N m at
-60 rad/s take; a wheel slips for half a second.
+for each fault of a sensor, or with ``--late`` for each delay of the position sensor, on machines with all effects of
+`benchmarks.independent.site`. The sizes are typical values: a push changes the vehicle's speed by 0.24 m/s, or lasts
+for most of the cruise; the drives' power is what 133 N m at 60 rad/s take; a motor gives 80 N m for ever; a wheel slips
+for half a second; satellite navigation comes ten times a second, a tenth of a second late.
 """
 
 import argparse
@@ -31,11 +32,12 @@ OVERLOADS: Mapping[str, Mapping[str, float]] = {
     "push of 8 kN for 0.3 s": {"push_force": 8e3, "push_length": 0.3},
     "push of 2.4 kN for 9 s": {"push_force": 2.4e3, "push_length": 9.0},
     "drive 2 without torque for 0.1 s": {"dropout_length_2": 0.1},
+    "hot motors: 80 N m after overload": {"most_torque": 133.0, "rated_torque": 80.0, "overload_time": 10.0},
 }
 """Row → effects of the independent machine."""
 
-TOLD = "controller_kalman_position_delay"
-"""The filter's delay of the position sensor in s."""
+TOLD, RATE = "controller_kalman_position_delay", "controller_trust_position_rate"
+"""The filter's delay of the position sensor in s, and its readings a second."""
 
 FAULTS: Mapping[str, Mapping[str, float]] = {
     "none": {},
@@ -43,10 +45,19 @@ FAULTS: Mapping[str, Mapping[str, float]] = {
     "position off by 20 mm for 1 s": {"position_fault": 0.02, "fault_length": 1.0},
     "encoder 2 slips by 10 mm": {"encoder_slip_2": 0.01},
     "load cells drift by 80 N": {"cell_drift_1": 80.0, "cell_drift_2": -80.0},
+}
+"""Row → effects of the independent machine."""
+
+PUNCTUAL = {TOLD: 0.0, RATE: 1000.0}
+"""What the filter is told of a position sensor that reads at every sample, without a delay."""
+
+LATE: Mapping[str, Mapping[str, float]] = {
+    "none": PUNCTUAL,
     **{
-        f"position late by {late} ms, told {told} ms": {"position_late": late * 1e-3, TOLD: told * 1e-3}
+        f"late by {late} ms, told {told} ms": PUNCTUAL | {"position_late": late * 1e-3, TOLD: told * 1e-3}
         for late, told in ((5, 5), (5, 6), (20, 20), (20, 19))
     },
+    "10 readings a second, late by 100 ms, told": {"position_late": 0.1, "position_rate": 10.0, TOLD: 0.1, RATE: 10.0},
 }
 """Row → effects of the independent machine, and what the filter is told."""
 
@@ -79,7 +90,7 @@ def judged(
 ) -> dict[str, dict[str, Runs]]:
     """Runs of every row by every controller with its damping of drum speeds: row → name → runs.
 
-    `settings` are further ones of every run. What the filter is told is left out where a controller has none.
+    `settings` are further ones of every run.
     """
     calm = Conditions(outage_length=0.0)
     heavy = {f"nominal_winch_{number}_inertia": KNOWN for number in (1, 2)}
@@ -88,8 +99,7 @@ def judged(
         sys.stderr.write(f"{row}\n")
         runs[row] = {}
         for name, (judge, damping) in judges.items():
-            told = {key: value for key, value in effects.items() if key != TOLD or damping == 0.0}
-            constant = {**heavy, "speed_damping": damping, **told, **(settings or {})}
+            constant = {**heavy, "speed_damping": damping, **effects, **(settings or {})}
             runs[row][name] = judge.run(
                 calm, seeds, lambda seed, constant=constant: {**draw(seed, tuple(EFFECTS)), **constant}
             )
@@ -116,7 +126,8 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     add = parser.add_argument
     add("--config", type=Path, metavar="FILE", required=True, help="gains: best.toml of `dualwinch tune`")
-    add("--sensors", action="store_true", help="faults and delays of sensors, with the filter's gate and without")
+    add("--sensors", action="store_true", help="faults of sensors, with the filter's gate and without")
+    add("--late", action="store_true", help="delays of the position sensor, as told and learnt by the filter")
     add("--linear-speed", type=float, default=0.01, metavar="FLOAT", help="of the gains in m/s (default: 0.01)")
     add("--machines", type=int, default=40, metavar="INT", help="machines in each row (default: 40)")
     add("--seed", type=int, default=1, metavar="INT", help="of the first machine (default: 1)")
@@ -128,28 +139,33 @@ def main(words: Sequence[str] | None = None) -> int:
             gains = dualwinch.override(
                 dualwinch.load(arguments.config), {"controller.nftsm.linear_speed": arguments.linear_speed}
             )
-            experiments = {"gains": gains, "paper": Experiment(controller=paper_controller())}
+            gated = dualwinch.override(gains, {"controller.trust.false_alarm": FALSE_ALARM})
+            experiments, rows = {"gains": gains, "paper": Experiment(controller=paper_controller())}, OVERLOADS
             if arguments.sensors:
-                delayed = dualwinch.override(gains, {"controller.kalman.position_delay": 1e-3})
-                gated = dualwinch.override(delayed, {"controller.trust.false_alarm": FALSE_ALARM})
-                experiments = {"gate": gated, "no gate": delayed}
+                experiments, rows = {"gate": gated, "no gate": gains}, FAULTS
+            if arguments.late:
+                told = {"controller.kalman.position_delay": 1e-3, "controller.trust.position_rate": 1000.0}
+                told_of = dualwinch.override(gated, told)
+                learnt = dualwinch.override(told_of, {"controller.drums.delay": 1e-3})
+                experiments, rows = {"as told": told_of, "learnt": learnt}, LATE
             judges: dict[str, tuple[Judge, float]] = {}
             for name, experiment in experiments.items():
                 (place := Path(folder) / name.replace(" ", "_")).mkdir()
                 judges[name] = Judge(experiment, place), arguments.paper_damping if name == "paper" else 0.0
-            rows = {row: {TOLD: 0.0, **fault} for row, fault in FAULTS.items()} if arguments.sensors else OVERLOADS
             runs = judged(judges, range(arguments.seed, arguments.seed + arguments.machines), rows)
     except (ConfigurationError, ValueError, RuntimeError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     note = f"*{arguments.machines} machines in each row, of seeds from {arguments.seed}.*"
+    block, tables = "overloads", [table(runs, TENSIONS), table(runs, ERRORS)]
     if arguments.sensors:
-        text = f"{table(runs, {**TENSIONS, **ERRORS}, 'fault')}\n\n{note}"
-    else:
-        text = f"{table(runs, TENSIONS)}\n\n{table(runs, ERRORS)}\n\n{note}"
+        block, tables = "sensors", [table(runs, {**TENSIONS, **ERRORS}, "fault")]
+    if arguments.late:
+        block, tables = "late", [table(runs, ERRORS, "position sensor")]
+    text = "\n\n".join([*tables, note])
     print(text)
     if arguments.write:
-        put(arguments.write, "sensors" if arguments.sensors else "overloads", text)
+        put(arguments.write, block, text)
     return 0
 
 

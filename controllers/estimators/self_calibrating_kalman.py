@@ -96,6 +96,14 @@ class WheelKnowledge:
 
 
 @dataclass(frozen=True)
+class DelayKnowledge:
+    """Estimate of the position sensor's delay beyond the assumed one, from those with either encoder."""
+
+    delay: Annotated[Scalar, Quantity("s", "delay beyond the assumed one"), Mark.LEARNT] = 0.0
+    information: Annotated[Scalar, Quantity("1/s^2", "information of the samples on it"), Mark.LEARNT] = 0.0
+
+
+@dataclass(frozen=True)
 class SelfCalibratingState:
     """State of the filter, of the calibrations of encoders and wheel, and of the detection of silence."""
 
@@ -108,6 +116,7 @@ class SelfCalibratingState:
         Scalar, Quantity("1", "samples since the calibration was updated"), Mark.PHASE, Mark.BOOKKEEPING
     ] = 0.0
     pending: Annotated[Scalar, Quantity("m", "shift by calibration that has not yet reached the position law")] = 0.0
+    late: Any = NO_STATE
 
 
 @dataclass(frozen=True)
@@ -241,12 +250,37 @@ def wheel_deviation(known: Any, gains: DrumGains) -> Scalar:
     return 1 / sqrt(known.information + 1 / gains.wheel**2) if isinstance(known, WheelKnowledge) else 0.0
 
 
-def lateness(v: Scalar, encoders: tuple[EncoderKnowledge, EncoderKnowledge], gains: DrumGains) -> Scalar:
-    """Way in m at the speed v in m/s during the learnt delay of the position sensor, the mean of both encoders'."""
-    if not present(gains.delay):
-        return 0.0
+def common_delay(
+    known: Any,
+    v: Scalar,
+    drums: tuple[Drum, Drum],
+    encoders: tuple[EncoderKnowledge, EncoderKnowledge],
+    kalman: KalmanGains,
+    gains: DrumGains,
+    sample_time: Scalar,
+) -> Any:
+    """The position sensor's delay, learnt with both encoders, by recursive least squares with forgetting.
+
+    What is not known of a rope's sag changes with its tension and therefore with the speed, as the way of a delay does:
+    at a speed v in m/s a delay that was learnt with an encoder counts v² over the variance of that encoder's position.
+    """
+    if not isinstance(known, DelayKnowledge):
+        return known
+    place, delay = learnt_names(gains).index("delay"), known.delay
+    weights = [v**2 / (kalman.encoder_noise**2 + (gains.sag * drum.sag) ** 2) * drum.taut for drum in drums]
+    information = exp(-sample_time / gains.memory) * known.information + sum(weights)
+    total = information + 1 / gains.delay**2
+    for weight, encoder in zip(weights, encoders, strict=True):
+        delay += weight / total * (gains.delay * encoder.gathered.estimate[place] - known.delay)
+    return DelayKnowledge(delay, information)
+
+
+def with_common_delay(
+    position: EncoderPosition, encoder: EncoderKnowledge, late: DelayKnowledge, v: Scalar, gains: DrumGains
+) -> EncoderPosition:
+    """An encoder's position with the common delay in place of that learnt with this encoder, at a speed in m/s."""
     place = learnt_names(gains).index("delay")
-    return v * gains.delay * sum(known.gathered.estimate[place] for known in encoders) / len(encoders)
+    return replace(position, x=position.x - v * (gains.delay * encoder.gathered.estimate[place] - late.delay))
 
 
 def _distance(apart: Scalar, jump: Scalar) -> Scalar:
@@ -283,7 +317,8 @@ class SelfCalibratingKalman(MotionFilter):
         """At rest at the start of the run, with nominal drums, ropes and encoders."""
         unknown = unknown_errors(self.drums)
         wheel = WheelKnowledge() if self.kalman.speed_sensor and present(self.drums.wheel) else NO_STATE
-        return SelfCalibratingState(initial_motion(self.trust), unknown, unknown, wheel)
+        late = DelayKnowledge() if present(self.drums.delay) else NO_STATE
+        return SelfCalibratingState(initial_motion(self.trust), unknown, unknown, wheel, late=late)
 
     def step(
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
@@ -301,17 +336,23 @@ class SelfCalibratingKalman(MotionFilter):
         reading = Reading(now.x, alive, gains.position_noise)
         due = True if self.drums.interval == 1 else state.samples == 0
         drums, resting = _drums(now, state.motion, context), both(due, 1 - has_begun(state.watch.started))
-        late = lateness(state.motion.v, (state.encoder_1, state.encoder_2), self.drums)
+        late = state.late
+        way = state.motion.v * late.delay if isinstance(late, DelayKnowledge) else 0.0
         predicted, is_confirmed = state.motion, 1.0
         if isinstance(predicted.gates, Gates):
-            innovation_of_x = where(alive, reading.x + late - x, 0.0)
+            innovation_of_x = where(alive, reading.x + way - x, 0.0)
             gates, is_confirmed = self._position_gated(predicted.gates, innovation_of_x, state, drums, sample_time)
             reading = replace(reading, trusted=1 - gates.position.rejected)
             predicted = replace(predicted, gates=gates)
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
-        late = lateness(state.motion.v, (encoder_1, encoder_2), self.drums)
-        punctual = replace(reading, x=reading.x + late, alive=both(reading.alive, reading.trusted))
+        v, encoders = state.motion.v, (encoder_1, encoder_2)
+        late = common_delay(late, v, drums, encoders, self.kalman, self.drums, sample_time)
+        if isinstance(late, DelayKnowledge):
+            way = v * late.delay
+            position_1 = with_common_delay(position_1, encoder_1, late, v, self.drums)
+            position_2 = with_common_delay(position_2, encoder_2, late, v, self.drums)
+        punctual = replace(reading, x=reading.x + way, alive=both(reading.alive, reading.trusted))
         fused = innovation(x, punctual, drums, (position_1, position_2), gains, self.trust)
         gain, rolled = blended_gain(gains, fused.lead, sample_time), now.v
         if isinstance(predicted.gates, Gates) and gains.speed_sensor:
@@ -333,7 +374,7 @@ class SelfCalibratingKalman(MotionFilter):
         )
         pending = (state.pending + fused.shift) * (1 - sample_time / self.trust.slide_time)
         samples = where(state.samples + 1 < self.drums.interval, state.samples + 1, 0.0)
-        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending, late)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
