@@ -62,6 +62,8 @@ class Gates:
     position: GateState = field(default_factory=GateState)
     speed: GateState = field(default_factory=GateState)
     held: Annotated[Scalar, Quantity("s", "time since which the position is improbable"), Mark.BOOKKEEPING] = 0.0
+    wheel: Annotated[Scalar, Quantity("m/s", "fading mean of the wheel's innovation"), Mark.BOOKKEEPING] = 0.0
+    drums: Annotated[Scalar, Quantity("m/s", "that of the speed of both drums' rims"), Mark.BOOKKEEPING] = 0.0
 
 
 class Witness(NamedTuple):

@@ -44,7 +44,14 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 import annotated_types as at
 
-from dualwinch.controllers.estimators.innovation_gate import GateGains, Gates, Witness, gated, position_gated
+from dualwinch.controllers.estimators.innovation_gate import (
+    GateGains,
+    Gates,
+    Witness,
+    gated,
+    is_improbable,
+    position_gated,
+)
 from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, times, transpose
 from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
@@ -52,7 +59,7 @@ from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable, UnitInterval
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
-from dualwinch.model.scalar import Scalar, both, present, where
+from dualwinch.model.scalar import Scalar, absolute, both, present, where
 from dualwinch.model.winch import tension_beyond_sheaves
 
 
@@ -326,7 +333,9 @@ def filter_motion(
     if isinstance(state.gates, Gates):
         of_position = where(state.gates.position.rejected, 0.0, of_position)
         if gains.speed_sensor:
-            predicted, gain = with_gated_speed(state, gain, now.v, is_confirmed, gains, gate, context.sample_time)
+            predicted, gain = with_gated_speed(
+                state, gain, now.v, rim_speed(now, nominal), is_confirmed, gains, gate, context.sample_time
+            )
     of_x = position / total * of_position
     for information, encoder in zip(drums, witnesses(state, now, nominal, context, (0.0, 0.0)), strict=True):
         of_x += information / total * where(encoder.taut, encoder.off, 0.0)
@@ -334,10 +343,18 @@ def filter_motion(
     return corrected(predicted, measurement, innovations, gain, gains, nominal, context.sample_time)
 
 
+def rim_speed(measurement: Measurement, nominal: Plant) -> Scalar:
+    """Mean speed in m/s of both drums' rims, in the direction of the track."""
+    side_1, side_2 = nominal.sides
+    rim_1 = side_1.direction * side_1.winch.drum_radius * measurement.omega_1
+    return (rim_1 + side_2.direction * side_2.winch.drum_radius * measurement.omega_2) / 2
+
+
 def with_gated_speed(
     state: KalmanState,
     gain: Matrix,
     reading: Scalar,
+    drum_speed: Scalar,
     is_confirmed: Scalar,
     gains: KalmanGains,
     gate: GateGains,
@@ -346,22 +363,28 @@ def with_gated_speed(
 ) -> tuple[KalmanState, Matrix]:
     """The state with its gates after the wheel's reading in m/s, and the gain with the wheel or without.
 
-    The wheel is rejected only where the encoders confirm the prediction. Of the speed, whose gain on its innovation
-    is the gate's memory, what the estimate followed of the wheel is taken back, of the disturbance in proportion. The
-    spread is the variance of the reading's lasting error.
+    The wheel is rejected only where the encoders confirm the prediction, and not after a push, which changes the mean
+    speed of both drums' rims in m/s as well: it is improbable then, and nearer to the wheel than to the prediction. Of
+    the speed, whose gain on its innovation is the gate's memory, what the estimate followed of the wheel is taken back,
+    of the disturbance in proportion. The spread is the variance of the reading's lasting error.
     """
     noise = gains.speed_noise**2
     complete, coasting = (steady_filter(gains, sample_time, speed_sensor=there) for there in (True, False))
     (_, _), (_, memory), (_, of_d) = complete.gain
+    used = complete.speed_variance + noise
     speed = gated(
         state.gates.speed,
         reading - state.v,
-        used=complete.speed_variance + noise,
+        used=used,
         unused=coasting.speed_variance + noise + spread,
         lasting=0.0,
         memory=memory,
         false_alarm=gate.false_alarm,
     )
+    wheel = state.gates.wheel + memory * (reading - state.v - state.gates.wheel)
+    drums = state.gates.drums + memory * (drum_speed - state.v - state.gates.drums)
+    is_pushed = both(is_improbable(drums, used, gate.false_alarm), absolute(wheel - drums) < absolute(drums))
+    is_confirmed = both(is_confirmed, 1 - is_pushed)
     rejected = both(speed.rejected, is_confirmed)
     back = where(rejected, state.gates.speed.followed, 0.0)
     learnt = back * of_d / memory
@@ -374,7 +397,7 @@ def with_gated_speed(
         v=state.v - back,
         d=state.d - learnt,
         rate=state.rate - gains.ramp * gains.bandwidth * learnt,
-        gates=replace(state.gates, speed=replace(speed, rejected=rejected)),
+        gates=replace(state.gates, speed=replace(speed, rejected=rejected), wheel=wheel, drums=drums),
     )
     return predicted, gain
 

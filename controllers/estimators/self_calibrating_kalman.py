@@ -48,6 +48,7 @@ from dualwinch.controllers.estimators.kalman import (
     corrected,
     initial_motion,
     kalman_gain,
+    rim_speed,
     timely,
     with_gated_speed,
 )
@@ -359,7 +360,15 @@ class SelfCalibratingKalman(MotionFilter):
             wheel_scale = 1 + wheel_error(state.wheel)
             spread = (state.motion.v * wheel_deviation(state.wheel, self.drums)) ** 2
             predicted, gain = with_gated_speed(
-                predicted, gain, now.v / wheel_scale, is_confirmed, self.kalman, self.trust, sample_time, spread
+                predicted,
+                gain,
+                now.v / wheel_scale,
+                rim_speed(now, context.nominal),
+                is_confirmed,
+                self.kalman,
+                self.trust,
+                sample_time,
+                spread,
             )
             rolled = where(predicted.gates.speed.rejected > 0, predicted.v * wheel_scale, now.v)
         wheel, speed = self._rolled(state.wheel, rolled, x, sample_time)

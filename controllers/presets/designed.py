@@ -18,8 +18,7 @@ The design has two parameters, `RESONANCE_MARGIN` and `LAG_RATIO`; everything el
 4. **Filter**: bandwidth 2 w; all of the disturbance is compensated, or the share of integral action: to a vehicle that
    sticks to its rail, compensation is an integral of the force. What encoders tell of the vehicle's position is as
    uncertain as half the stretch of a rope. The law's own observer removes what the filter does not see, friction of
-   drums and rollers: with w/50 at small errors, and as fast as the loop, with w more, at large ones. Readings that the
-   filter's prediction makes improbable are rejected, a sound one with the probability FALSE_ALARM.
+   drums and rollers: with w/50 at small errors, and as fast as the loop, with w more, at large ones.
 5. **Tension loops**: ki = w/16 and kp = 1/100 times the lever from tension to torque.
 
 Reference for 3: Khalil, Nonlinear Systems, 2002, Sections 7.2 and 14.1.
@@ -59,9 +58,6 @@ LEAD = 0.4
 It doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
 frequencies above that resonance: the delay margin on short ropes shrinks.
 """
-
-FALSE_ALARM = 1e-6
-"""Probability with which the filter's gate rejects a sound reading: at 1 kHz once in a quarter of an hour."""
 
 LINEAR_SPEED = 0.01
 """Speed error in m/s above which the law stays linear with any smoothing, so that a search may lower that."""
@@ -209,7 +205,6 @@ def designed_controller(
         "kalman.ramp": 0.2,
         "kalman.compensation": shares.integral,
         "kalman.encoder_noise": max(stretches) / 2,
-        "trust.false_alarm": FALSE_ALARM,
     }
     if speed_noise:
         gains["kalman.speed_noise"] = 1.5 * speed_noise

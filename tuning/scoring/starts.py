@@ -31,7 +31,7 @@ def with_designed_start(problem: TuningProblem, watch: TuningProgress = NO_PROGR
         return problem
     watch.phase(DESIGNING)
     machine = problem.experiment if problem.ensemble is None else problem.drawn_ensemble
-    # a light drum keeps its controller without damping and gate: another would be compiled for the start alone
+    # a light drum keeps its controller without damping: another structure would be compiled for the start alone
     keys = {*problem.fixed, *_zeros(problem.experiment)}
     seed, checks = problem.stream(DESIGN), problem.options.machines
     controller = designed(machine, kept=keys, seed=seed, checks=checks, compiled=True).controller
@@ -41,7 +41,7 @@ def with_designed_start(problem: TuningProblem, watch: TuningProgress = NO_PROGR
 
 
 def _zeros(experiment: Experiment) -> set[str]:
-    """Keys of damping and lead of the drums, and of the filter's gate, that are 0."""
+    """Keys of damping and lead of the drums that are 0."""
     values = leaves(experiment)
-    drums = (f"controller.winch_{winch}.{gain}" for winch in (1, 2) for gain in ("damping", "lead"))
-    return {key for key in (*drums, "controller.trust.false_alarm") if values.get(key) == 0}
+    keys = (f"controller.winch_{winch}.{gain}" for winch in (1, 2) for gain in ("damping", "lead"))
+    return {key for key in keys if values.get(key) == 0}
