@@ -93,7 +93,8 @@ def observed(
         tension, momentum = observed_tension(before, omega, side, bandwidth, sample_time)
         drums.append(replace(before, momentum=momentum))
         tensions.append(tension)
-    return TensionState(*drums, 1.0), replace(measurement, F1=tensions[0], F2=tensions[1])
+    following = TensionState(drums[0], drums[1], begun=1.0)
+    return following, replace(measurement, F1=tensions[0], F2=tensions[1])
 
 
 def commanded(state: TensionState, winches: CoordinationOutput) -> TensionState:
