@@ -91,7 +91,8 @@ def _labelled(runs: Runs) -> list[tuple[str, Result]]:
 def _looks(own: Sequence[Look]) -> list[Look]:
     """Colour and line style of every run: its law's, or where an earlier run has these, the next that no law has."""
     turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
-    every: list[Look] = [look for dashes in turns for look in zip(PALETTE, cycle(dashes), strict=False)]
+    places = range(len(PALETTE))
+    every: list[Look] = [(PALETTE[k], dashes[k % len(dashes)]) for dashes in turns for k in places]
     colours = {colour for colour, _ in own}
     spare = sorted((look for look in every if look not in own), key=lambda look: look[0] in colours)
     following, looks = cycle(spare or every), list[Look]()
