@@ -1,3 +1,5 @@
+from functools import cache
+
 from dualwinch.toolboxes.stress.imperfections import ScaledEnsemble, imperfections, union
 from dualwinch.toolboxes.stress.sizes import HIGHEST, LOWEST, STEPS, SizeRange, joint_range, size, size_range, sizes_at
 from tests.toolboxes.stress.ensembles import bare, of
@@ -17,6 +19,7 @@ added_mass = 100
 """
 
 
+@cache
 def reaches() -> tuple[ScaledEnsemble, dict[str, SizeRange]]:
     base = bare()
     together = union(base, of(TEXT, base))
@@ -39,8 +42,8 @@ def test_ranges_end_where_values_do() -> None:
 
 
 def test_together_each_stays_where_its_range_ends() -> None:
-    scaling, _ = reaches()
-    single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
+    scaling, ranges = reaches()
+    single = {imperfection: ranges[imperfection.label] for imperfection in scaling.single}
     assert joint_range(scaling, single) == SizeRange(LOWEST, HIGHEST)
     at_most, small = sizes_at(HIGHEST, single), sizes_at(-STEPS, single)
     assert at_most["plant.vehicle.added_mass"] == 100.0
