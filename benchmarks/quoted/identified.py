@@ -26,7 +26,8 @@ KEYS = "plant.vehicle.mass, plant.vehicle.drag_coefficient, plant.rope_*.modulus
 
 def alternatives() -> str:
     """Names and meanings of all alternatives."""
-    return tables.markdown(["alternative", "meaning"], [[f"`{each.name}`", each.meaning] for each in ALTERNATIVES])
+    rows = [[f"`{kind}`", each.meaning] for kind, each in ALTERNATIVES.items()]
+    return tables.markdown(["alternative", "meaning"], rows)
 
 
 def example() -> str:

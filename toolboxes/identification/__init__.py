@@ -2,6 +2,6 @@
 
 This is the prediction-error method, with the innovations as the errors. Files in the order of data flow: `log`,
 `resample`, `predictor`, `filter`, `unknowns`, `likelihood`, `estimate`, `diagnostics`, `smoother`, `result`,
-`identify`, with `options` for all of them; `vortices` and `model_choice` compare models; `experiment_design` designs
-runs with the most informative logs.
+`identify`, with `options` for all of them; `models`, `screening`, `alternatives` and `selection` compare models with
+the help of `vortices`; `experiment_design` designs runs with the most informative logs.
 """

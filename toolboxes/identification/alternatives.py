@@ -1,60 +1,345 @@
-"""Named alternatives to the experiment as described, which logs may show to be likelier."""
+"""Named alternatives to the experiment as described, each a part: what the experiment may lack, or describe otherwise.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+A user's own is a frozen dataclass with `effect`, registered like every other part::
 
-from dualwinch.toolbox import ConfigurationError, quantities
+    @dw.register
+    @dataclass(frozen=True)
+    class SheaveFriction(Alternative):
+        kind: ClassVar = "sheave-friction"
+        meaning: ClassVar = "ropes rub on the sheaves"
+
+        def effect(self, experiment):
+            return {f"plant.winch_{side}.sheave_friction": 0.02 for side in (1, 2)}
+"""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from dualwinch.toolbox import ConfigurationError, Experiment, leaves, parts, with_leaves
+from dualwinch.toolboxes.identification.diagnostics import UnrecordedForceError
+from dualwinch.toolboxes.identification.models import FittedModel, LogModel
+from dualwinch.toolboxes.identification.predictor import RecordedExperiment
+from dualwinch.toolboxes.identification.screening import LogScreening, delayed
+from dualwinch.toolboxes.identification.unknowns import (
+    AMPLITUDE,
+    LOAD_CELL_LAG,
+    STROUHAL,
+    Prior,
+    UnknownParameter,
+    nuisance_parameters,
+    unknown_parameters,
+    with_drum_friction,
+    with_load_cell_lag,
+    with_sea,
+)
 
 
-@dataclass(frozen=True)
-class Alternative:
-    """What an experiment may lack, or describe otherwise.
+class Alternative(parts.Part):
+    """Base of the alternatives.
 
     Attributes:
-        name: by which it is excluded.
+        kind: by which it is named on command lines.
         meaning: in a line.
     """
 
-    name: str
-    meaning: str
+    meaning: ClassVar[str]
+
+    @abstractmethod
+    def effect(self, experiment: Experiment) -> Mapping[str, float]:
+        """Values of an experiment with the effect at its expected size, by key.
+
+        Those that the experiment lacks are estimated along, each with a prior as wide as its size.
+        """
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:  # noqa: ARG002
+        """Models with this alternative, or another form of it, in addition to those of the likeliest fit so far.
+
+        By default one with its `effect`, if the fit leaves innovations coloured or is implausible.
+        """
+        values = leaves(fit.experiment)
+        effect = {key: value for key, value in self.effect(fit.experiment).items() if not values[key]}
+        if not effect or self.kind in fit.model.kinds or _is_sound(fit):
+            return
+        experiment = with_leaves(fit.experiment, effect)
+        priors = {key: Prior(value, abs(value)) for key, value in effect.items()}
+        nuisances = unknown_parameters(tuple(effect), experiment, priors, fit.model.options.search)
+        yield fit.model.extended(self.kind, experiment, nuisances)
 
 
-RECORDER_CLOCK = Alternative("recorder-clock", "the recorder samples between the controller's samples")
-INTERPOLATED_ROWS = Alternative("interpolated-rows", "rows were interpolated between the controller's samples")
-TORQUE_DELAY = Alternative("torque-delay", "torques act more or fewer samples late")
-TORQUES_BETWEEN_ROWS = Alternative("torques-between-rows", "torques changed more often than they were logged")
-LOAD_CELL_LAG = Alternative("load-cell-lag", "load cells lag behind the tensions")
-WINCHES_AND_ROPES = Alternative("winches-and-ropes", "friction and inertia of the winches, and damping of the ropes")
-SEA = Alternative("sea", "a current, changes of the rail load and vortices")
-VORTEX_PHASE = Alternative("vortex-phase", "the phase of the vortices is integrated, or not, unlike the described one")
-START_UNDER_WAY = Alternative("start-under-way", "the log begins during a run")
+class BuiltIn(Alternative):
+    """Base of alternatives whose candidates are shown by the log."""
 
-ALTERNATIVES = (
-    RECORDER_CLOCK,
-    INTERPOLATED_ROWS,
-    TORQUE_DELAY,
-    TORQUES_BETWEEN_ROWS,
-    LOAD_CELL_LAG,
-    WINCHES_AND_ROPES,
-    SEA,
-    VORTEX_PHASE,
-    START_UNDER_WAY,
+    def effect(self, experiment: Experiment) -> Mapping[str, float]:  # noqa: ARG002
+        """None."""
+        return {}
+
+
+def _is_sound(fit: FittedModel) -> bool:
+    """Whether a fit is plausible and leaves white innovations."""
+    return fit.refusal is None and fit.white
+
+
+def _is_other_machine(fit: FittedModel, screening: LogScreening) -> bool:
+    """Whether a fit needs large unrecorded torques or noise and no delay is likelier: no further effect helps."""
+    if isinstance(fit.refusal, UnrecordedForceError) or not (fit.refusal or fit.remarks):
+        return False
+    return "torque-delay" not in screening.kinds or (
+        screening.likeliest_at_start(fit.experiment, fit.model.options)[1] == fit.experiment
+    )
+
+
+@dataclass(frozen=True)
+class RecorderPhase(BuiltIn):
+    """Rows measured between the controller's samples."""
+
+    kind: ClassVar = "recorder-clock"
+    meaning: ClassVar = "the recorder samples between the controller's samples"
+    interpolated: ClassVar = False
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """The likeliest clock at the start, if rows are at the samples by their times."""
+        if fit.model.kinds or not screening.at_samples(fit.experiment):
+            return
+        clock = screening.likeliest_clock(fit.experiment, fit.model.options)
+        if clock and clock.recorder.interpolated == self.interpolated:
+            yield fit.model.extended(self.kind, clock)
+
+
+@dataclass(frozen=True)
+class InterpolatedRows(RecorderPhase):
+    """Rows that a tool interpolated, means of two readings."""
+
+    kind: ClassVar = "interpolated-rows"
+    meaning: ClassVar = "rows were interpolated between the controller's samples"
+    interpolated: ClassVar = True
+
+
+@dataclass(frozen=True)
+class TorquesBetweenRows(BuiltIn):
+    """Torques that chatter at the controller's rate, of which a log holds every few.
+
+    It is chosen before the first fit (`selection.ModelSelection.base`).
+    """
+
+    kind: ClassVar = "torques-between-rows"
+    meaning: ClassVar = "torques changed more often than they were logged"
+
+
+@dataclass(frozen=True)
+class TorqueDelay(BuiltIn):
+    """Another ``simulation.delay_samples``."""
+
+    kind: ClassVar = "torque-delay"
+    meaning: ClassVar = "torques act more or fewer samples late"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """The delay that load cells determine, else those one sample longer and shorter.
+
+        ARX models do not determine it well if drums respond slowly to torques without chatter, and a fit can compensate
+        a sample by inertia and damping.
+        """
+        options, experiment = fit.model.options, fit.experiment
+        if isinstance(experiment, RecordedExperiment) or options.resampling.torque_rows or _is_sound(fit):
+            return
+        here, search = experiment.simulation.delay_samples, options.search
+        samples = [screening.delay_in(experiment, options)]
+        if samples == [here]:
+            lags = screening.lags(experiment, options)
+            *_, second, largest = np.sort(lags).tolist()
+            if lags[here] == largest > search.delay_significance * second:
+                return
+            samples = [here + 1, here - 1]
+        for each in samples:
+            if 0 <= each <= search.max_delay_samples:
+                yield fit.model.extended(self.kind, delayed(experiment, each), further=self.kind not in fit.model.kinds)
+
+
+@dataclass(frozen=True)
+class WinchesAndRopes(BuiltIn):
+    """Friction of the drums, and inertia and damping other than described."""
+
+    kind: ClassVar = "winches-and-ropes"
+    meaning: ClassVar = "friction and inertia of the winches, and damping of the ropes"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """One with all of them, if innovations are coloured, or logs show other vortices."""
+        model = fit.model
+        if self.kind in model.kinds or not model.options.search.nuisance_share or _needs_nothing(fit, screening):
+            return
+        experiment = with_drum_friction(fit.experiment, model.options.search)
+        yield model.extended(self.kind, experiment, _nuisances(experiment, fit, screening))
+
+
+@dataclass(frozen=True)
+class UndescribedSea(BuiltIn):
+    """Vortices, a current and changes of the rail load, as far as none is described."""
+
+    kind: ClassVar = "sea"
+    meaning: ClassVar = "a current, changes of the rail load and vortices"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """One with a moderate sea, whose vortices have the kind of phase that logs show."""
+        model, search = fit.model, fit.model.options.search
+        if self.kind in model.kinds or not search.nuisance_share or _needs_nothing(fit, screening):
+            return
+        experiment = with_sea(fit.experiment, search)
+        integrated = screening.integrated_phase(experiment, model.options)
+        experiment = replace(experiment, disturbance=replace(experiment.disturbance, integrated_phase=integrated))
+        if experiment == fit.experiment:
+            return
+        sea, described = experiment.disturbance, fit.experiment.disturbance
+        processes = (sea.current_sigma, described.current_sigma), (sea.normal_force_sigma, described.normal_force_sigma)
+        nuisances = _nuisances(experiment, fit, screening)
+        if WinchesAndRopes.kind not in model.kinds:
+            nuisances = tuple(each for each in nuisances if each.key in (STROUHAL, AMPLITUDE))
+        yield model.extended(
+            self.kind, experiment, nuisances, further=sum(2 for size, before in processes if size != before)
+        )
+
+
+@dataclass(frozen=True)
+class VortexPhase(BuiltIn):
+    """Vortices whose phase is the integral of their frequency (E4)."""
+
+    kind: ClassVar = "vortex-phase"
+    meaning: ClassVar = "the phase of the vortices is integrated, or not, unlike the described one"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:  # noqa: ARG002
+        """One with integrated phase, if the estimated amplitude is implausible.
+
+        Weak vortices hardly show in smoothed readings, and with the wrong kind of phase their estimated amplitude is
+        almost zero or far too large.
+        """
+        sea, search = fit.experiment.disturbance, fit.model.options.search
+        share = fit.estimate.experiment.disturbance.vortex_amplitude / (sea.vortex_amplitude or 1.0)
+        plausible = search.negligible_amplitude < share < search.contradicting_amplitude
+        if not sea.vortex or sea.integrated_phase or plausible or self.kind in fit.model.kinds:
+            return
+        experiment = replace(fit.experiment, disturbance=replace(sea, integrated_phase=True))
+        nuisances = tuple(each for each in fit.model.nuisances if each.key != AMPLITUDE)
+        yield replace(fit.model, nuisances=nuisances).extended(self.kind, experiment)
+
+
+@dataclass(frozen=True)
+class VortexAmplitude(BuiltIn):
+    """Vortices of quite another size."""
+
+    kind: ClassVar = "vortex-amplitude"
+    meaning: ClassVar = "vortices are much weaker or stronger than described"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """One with a wide prior of the amplitude, if logs contradict the described one."""
+        search = fit.model.options.search
+        amplitude = next((each for each in fit.model.nuisances if each.key == AMPLITUDE), None)
+        if amplitude is None or self.kind in fit.model.kinds:
+            return
+        if not (
+            fit.contradicts(AMPLITUDE, search.contradiction)
+            or screening.amplitude_is_contradicted(fit.experiment, fit.model.options)
+        ):
+            return
+        wide = replace(search, amplitude_share=search.wide_amplitude_share)
+        nuisances = [each for each in nuisance_parameters((), fit.experiment, wide) if each.key == AMPLITUDE]
+        yield fit.model.extended(self.kind, fit.experiment, nuisances)
+
+
+@dataclass(frozen=True)
+class LoadCellLag(BuiltIn):
+    """A first-order lag of both load cells."""
+
+    kind: ClassVar = "load-cell-lag"
+    meaning: ClassVar = "load cells lag behind the tensions"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """One with a lag with which logs are likelier at the start, unless another delay without one is likelier."""
+        model = fit.model
+        options = model.options
+        lagging_already = self.kind in model.kinds or options.resampling.torque_rows
+        if lagging_already or not options.search.nuisance_share or _is_sound(fit):
+            return
+        values = None if fit.refusal else fit.estimate.values[: len(screening.unknowns)]
+        lag = screening.load_cell_lag(fit.experiment, options, values)
+        if not lag:
+            return
+        lagged = with_load_cell_lag(fit.experiment, lag)
+        if not isinstance(lagged, RecordedExperiment):
+            (lagging, lagged), (punctual, _) = (
+                screening.likeliest_at_start(each, options) for each in (lagged, fit.experiment)
+            )
+            if lagging >= punctual:  # a wrong delay looks like a lag
+                return
+        prior = {LOAD_CELL_LAG: Prior(lag, options.search.lag_share * lag)}
+        yield model.extended(self.kind, lagged, unknown_parameters((LOAD_CELL_LAG,), lagged, prior, options.search))
+
+
+@dataclass(frozen=True)
+class StartUnderWay(BuiltIn):
+    """A log that was cut out of a run, whose vortices have the phase of its time.
+
+    That is determined before the first fit (`vortices.with_vortex_origin`).
+    """
+
+    kind: ClassVar = "start-under-way"
+    meaning: ClassVar = "the log begins during a run"
+
+
+ALTERNATIVES: parts.Registry[Alternative] = parts.Registry(
+    "alternative",
+    RecorderPhase,
+    InterpolatedRows,
+    TorqueDelay,
+    TorquesBetweenRows,
+    WinchesAndRopes,
+    UndescribedSea,
+    VortexPhase,
+    VortexAmplitude,
+    LoadCellLag,
+    StartUnderWay,
 )
 """All alternatives, in the order in which they are tried."""
 
 
-def without(names: Sequence[str]) -> frozenset[Alternative]:
-    """All alternatives but some.
+def _needs_nothing(fit: FittedModel, screening: LogScreening) -> bool:
+    """Whether a fit explains the logs, or they are of another machine."""
+    if _is_sound(fit):
+        return UndescribedSea.kind not in screening.kinds or not screening.other_vortices(fit)
+    return _is_other_machine(fit, screening)
 
-    >>> len(without(["sea", "load-cell-lag"]))
-    7
+
+def _nuisances(experiment: Experiment, fit: FittedModel, screening: LogScreening) -> tuple[UnknownParameter, ...]:
+    """Nuisance parameters of an experiment; those of vortices only where a sea is allowed."""
+    keys = [each.key for each in screening.unknowns]
+    every = nuisance_parameters(keys, experiment, fit.model.options.search)
+    return tuple(
+        each for each in every if UndescribedSea.kind in screening.kinds or each.key not in (STROUHAL, AMPLITUDE)
+    )
+
+
+def selected(names: Sequence[str], option: str = "--alternatives") -> frozenset[str]:
+    """Kinds of alternatives by names: `all`, names to add, and names with a minus to leave out; default: all.
+
+    >>> sorted(selected(["sea", "load-cell-lag"]))
+    ['load-cell-lag', 'sea']
+    >>> len(selected(["all,-sea"])) == len(ALTERNATIVES) - 1
+    True
 
     Raises:
         ConfigurationError: a name of none.
     """
-    by_name = {each.name: each for each in ALTERNATIVES}
-    for name in names:
-        if name not in by_name:
-            hint = quantities.suggestion(name, by_name)
-            raise ConfigurationError(f"--without {name}: no alternative; must be of {', '.join(by_name)}; {hint}")
-    return frozenset(ALTERNATIVES) - {by_name[name] for name in names}
+    every = [name.strip() for text in names for name in text.split(",")]
+    kinds = set[str]() if every and not every[0].startswith("-") else set(ALTERNATIVES)
+    for name in every:
+        kind = name.removeprefix("-")
+        if kind == "all":
+            kinds = set() if name.startswith("-") else set(ALTERNATIVES)
+            continue
+        try:
+            ALTERNATIVES.find(kind)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{option} {name}: {error}") from None
+        kinds = kinds - {kind} if name.startswith("-") else kinds | {kind}
+    return frozenset(kinds)

@@ -175,11 +175,12 @@ class PredictionErrorMethod:
         noise: NoiseCovariances | None = None,
         *,
         unless: Callable[[Experiment, NoiseCovariances, float], bool] | None = None,
+        accuracy: float | None = None,
     ) -> ParameterEstimate:
         """Search from a start.
 
         It begins at (p,) values. R and Q are estimated unless given as `noise`. If `unless` holds for the experiment,
-        the noise and the deviance after least squares, there are no Newton steps.
+        the noise and the deviance after least squares, it ends there. `accuracy` as in `Likelihood.maximum`.
 
         Raises:
             DivergedFilterError: the filter diverges: the log is of another machine.
@@ -200,7 +201,7 @@ class PredictionErrorMethod:
             information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
             deviance, finished, converged = rough, False, False
         else:
-            maximum, noise = self._maximum(values, noise, estimated, progress)
+            maximum, noise = self._maximum(values, noise, estimated, progress, accuracy=accuracy)
             if maximum is None:
                 raise self._diverged()
             values = unwrapped(coordinates.values(maximum.at), self.unknowns)
@@ -297,21 +298,22 @@ class PredictionErrorMethod:
         estimated: bool,
         progress: progresses.Progress,
         size: float | None = None,
+        accuracy: float | None = None,
     ) -> tuple[LikelihoodMaximum | None, NoiseCovariances]:
         """The maximum of the likelihood near values, ``None`` if filters diverge, and the noise with it.
 
-        `size` as in `Likelihood.maximum`.
+        `size` and `accuracy` as in `Likelihood.maximum`.
         """
-        search, coordinates, maximum = self._search, self.coordinates(), None
-        at = coordinates.of(values)
-        for _ in range(search.max_steps):
+        coordinates, whole = self.coordinates(), size
+        at, maximum = coordinates.of(values), None
+        for shares in ((0.5, 0.7, 0.85), (0.85, 0.9, 1.0)):  # again, where noise is that of a point far away
             if estimated:
-                at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, 0.5, 0.8))
-            rest = progresses.part(progress, 0.8, 1.0)
-            maximum = self.likelihood.maximum(at, noise, coordinates, size=size, progress=rest)
-            if not estimated or maximum is None or maximum.fall < search.process_noise_tolerance:
+                at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, *shares[:2]))
+            rest = progresses.part(progress, *shares[1:])
+            maximum = self.likelihood.maximum(at, noise, coordinates, None, whole, accuracy, rest)
+            if not estimated or maximum is None or maximum.fall < self._search.process_noise_tolerance:
                 break
-            at = maximum.at
+            at, whole = maximum.at, 1.0
         return maximum, noise
 
     def _in_turn(
@@ -400,7 +402,7 @@ def with_data_sheets(
     sections, experiment, unknowns, options = method.made_of
     sheet = data_sheet_parameters([each.key for each in unknowns], experiment, readings, options)
     if not sheet:
-        return method, estimate
+        return method, method.continued(estimate.values, estimate.noise)
     wider = PredictionErrorMethod(sections, experiment, (*unknowns, *sheet), options, method.threads)
     wider.filters.passes += method.passes
     start = np.array([*estimate.values, *(each.start for each in sheet)])

@@ -21,8 +21,7 @@ from dualwinch.toolbox import (
     progresses,
     with_leaves,
 )
-from dualwinch.toolboxes.identification.alternatives import SEA, START_UNDER_WAY, Alternative
-from dualwinch.toolboxes.identification.alternatives import without as alternatives_without
+from dualwinch.toolboxes.identification.alternatives import StartUnderWay, UndescribedSea, selected
 from dualwinch.toolboxes.identification.diagnostics import (
     check_fit,
     check_log,
@@ -39,11 +38,13 @@ from dualwinch.toolboxes.identification.estimate import (
     with_data_sheets,
 )
 from dualwinch.toolboxes.identification.log import Log, column_map, gap_note, log_of, read_log
-from dualwinch.toolboxes.identification.model_choice import ModelChoice, marginal
+from dualwinch.toolboxes.identification.models import marginal
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.toolboxes.identification.predictor import READINGS
 from dualwinch.toolboxes.identification.resample import LogSection, counting, sections_of
 from dualwinch.toolboxes.identification.result import IdentificationResult
+from dualwinch.toolboxes.identification.screening import LogScreening
+from dualwinch.toolboxes.identification.selection import ModelSelection
 from dualwinch.toolboxes.identification.smoother import smoothed_force
 from dualwinch.toolboxes.identification.unknowns import (
     Prior,
@@ -57,7 +58,7 @@ from dualwinch.toolboxes.identification.vortices import with_vortex_origin
 Floats = NDArray[np.float64]
 
 GAS_DENSITY = 100.0
-"""Density in kg/m³ below which the vehicle moves in a gas, which has no sea."""
+"""Density in kg/m³ below which a medium is a gas."""
 
 Source = Log | Result | str | PathLike[str]
 
@@ -78,7 +79,8 @@ def identify(
     forces: bool = False,
     unrecorded: float | None = None,
     plain: bool = False,
-    without: Sequence[str] = (),
+    alternatives: str | Sequence[str] = (),
+    without: str | Sequence[str] = (),
     options: EstimationOptions = DEFAULTS,
     workers: executors.Workers = None,
     progress: progresses.PhaseProgress = progresses.no_progress,
@@ -114,7 +116,10 @@ def identify(
             another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
         plain: whether to fit the experiment as described only, without alternatives: quick, and right where innovations
             are white and rows are at the controller's samples.
-        without: names of alternatives that are not tried (`identification.alternatives.ALTERNATIVES`), such as ``sea``.
+        alternatives: names of the alternatives that are compared with the experiment as described
+            (`identification.alternatives.ALTERNATIVES`), such as ``"sea, load-cell-lag"`` or ``"all, -sea"``; default:
+            all, also those that you registered.
+        without: names of those that are not.
         options: of the method.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         progress: called repeatedly with the share of the work that is done, which never falls.
@@ -127,7 +132,7 @@ def identify(
         ConfigurationError: a file that cannot be read, a key or prior out of range, or a log that is implausible for
             such a machine.
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted.
+        KeyboardInterrupt: interrupted before the first fit; afterwards the result has what was compared until then.
 
     Example:
         >>> import dualwinch as dw
@@ -148,13 +153,13 @@ def identify(
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
     given = _logs(logs, columns, csv)  # before all work, so that a wrong file is told at once
     profiled = estimable_keys(arguments.texts("profiles", profiles), experiment, "--profile")
-    for key in profiled:
-        if key not in names:
-            raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
+    if missing := [key for key in profiled if key not in names]:
+        raise ConfigurationError(f"--profile {missing[0]}: is not fitted; add it to --fit")
     unknowns = unknown_parameters(names, experiment, known, options.search)
-    alternatives = _alternatives(arguments.texts("without", without), experiment, forces=forces)
+    kinds = _kinds(arguments.texts("alternatives", alternatives), arguments.texts("without", without))
+    kinds = kinds - {UndescribedSea.kind} if forces or _in_gas(experiment) else kinds
     given = _checked_logs(given, experiment, options)
-    if START_UNDER_WAY in alternatives and not plain:
+    if StartUnderWay.kind in kinds and not plain:
         given = [with_vortex_origin(log, experiment, options) for log in given]
     parts = [log.between_gaps(options.resampling.max_gap, options.resampling.min_rows) for log in given]
     found = [part for each in parts for part in each]
@@ -162,18 +167,13 @@ def identify(
     sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
 
     forward = _Forward(progress)
-
-    def of_first(fraction: float, phase: str = "", status: str = "") -> None:
-        forward(fraction / starts, phase, status)
-
-    choice = ModelChoice(
-        [log for log, _ in split], unknowns, options, executors.threads_of(workers), of_first, alternatives
-    )
-    sections = sections_of(choice.logs, experiment, options.resampling)
+    screening = LogScreening([log for log, _ in split], unknowns, executors.threads_of(workers), kinds)
+    selection = ModelSelection(screening, options, _Forward(forward, 1 / starts))
+    sections = sections_of(screening.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
-    model = choice.of(experiment, plausible, plain=plain)
+    model = selection.of(experiment, plausible, plain=plain)
     method, n = model.method, len(unknowns)
-    estimates = [*multistart(method, model.estimate, n, starts, seed, forward, workers), *model.others]
+    estimates = [*multistart(method, model.estimate, n, starts, seed, forward, workers), *model.optima]
     estimates = sorted(estimates, key=lambda each: each.deviance)
     excess, recorded = plausible(estimates[0]), {name for log in given for name in log.readings}
     alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], recorded)
@@ -235,23 +235,31 @@ def identify(
         data_sheet={key: pair for key, pair in along.items() if key in sheet_keys},
         sheet_shares=np.clip(1 - np.diag(perfect) / np.diag(precise), 0.0, 1.0),
         widened=float(wider[:n].max(initial=1.0)),
+        models=selection.evidence(model),
+        interrupted=selection.interrupted,
     )
 
 
-def _alternatives(without: Sequence[str], experiment: Experiment, *, forces: bool) -> frozenset[Alternative]:
-    """The alternatives but some, and but a sea in a gas or where it would explain a part of an estimated force."""
-    gas = experiment.plant.vehicle.water_density < GAS_DENSITY
-    return alternatives_without([*without, *([SEA.name] if gas or forces else [])])
+def _in_gas(experiment: Experiment) -> bool:
+    """Whether the vehicle moves in a gas, which has no sea."""
+    return experiment.plant.vehicle.water_density < GAS_DENSITY
+
+
+def _kinds(names: Sequence[str], without: Sequence[str]) -> frozenset[str]:
+    """Kinds of the alternatives of names (`alternatives.selected`), without some."""
+    excluded = [f"-{name.strip()}" for text in without for name in text.split(",")]
+    return selected(names) & selected(excluded, "--without")
 
 
 class _Forward:
     """A progress that never goes back, where searches that were not foreseen begin."""
 
-    def __init__(self, progress: progresses.PhaseProgress) -> None:
-        self._progress, self._share = progress, 0.0
+    def __init__(self, progress: progresses.PhaseProgress, whole: float = 1.0) -> None:
+        """Pass on to `progress`; the `whole` work is that share of its."""
+        self._progress, self._whole, self._share = progress, whole, 0.0
 
     def __call__(self, fraction: float, phase: str = "", status: str = "") -> None:
-        self._share = max(self._share, fraction)
+        self._share = max(self._share, fraction * self._whole)
         self._progress(self._share, phase, status)
 
 

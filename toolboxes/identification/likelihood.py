@@ -599,6 +599,7 @@ class Likelihood:
         coordinates: SearchCoordinates,
         fixed: int | None = None,
         size: float | None = None,
+        accuracy: float | None = None,
         progress: progresses.Progress = progresses.no_progress,
     ) -> LikelihoodMaximum | None:
         """The local maximum of the likelihood near (p,) coordinates, for given noise; ``None`` if filters diverge.
@@ -611,19 +612,21 @@ class Likelihood:
            one, which gives the curvatures.
         2. Move to the likeliest point. The next poll is as wide as the move was long, or its square where that is
            shorter, as the error of a Newton step is, and half as wide where there was no move.
-        3. End where no neighbour at a distance of `SearchOptions.accuracy` is likelier.
+        3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier, or after
+           `SearchOptions.max_polls`; for another accuracy after `SearchOptions.max_steps`.
         """
         options, frame = self._options, self.frame(at, noise, coordinates, fixed)
         if frame is None:
             return None
+        end = accuracy or options.accuracy
         start = here = float(self.objective([at], noise, coordinates)[0])
         curvatures, size, moved, converged = np.ones(len(at)), size or options.reach, 0.0, False
-        for number in range(options.max_polls):
+        for number in range(options.max_polls if accuracy is None else options.max_steps):
             progress(number / (number + 2))
             result = self.poll(frame, at, here, size, noise, coordinates)
             if size == 1:
                 curvatures = np.where(np.isnan(result.curvatures), curvatures, result.curvatures)
-            if converged := size == options.accuracy and not result.likelier and moved <= 1:
+            if converged := size == end and not result.likelier and moved <= 1:
                 break
             fell = here - result.deviance > self._rounding(here)
             at, here, moved = result.at, result.deviance, moved + fell * result.length
@@ -632,7 +635,7 @@ class Likelihood:
             elif number == 0 and size > 1:
                 size = 1.0
             else:
-                size = max(result.length * min(result.length, 1.0) if fell else size / 2, options.accuracy)
+                size = max(result.length * min(result.length, 1.0) if fell else size / 2, end)
         (deviance,) = self.deviances([at], noise, coordinates).tolist()
         return LikelihoodMaximum(at, deviance, start - here, frame.information_with(curvatures), converged)
 

@@ -215,16 +215,6 @@ class SearchOptions:
     delay_significance: Annotated[
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")
     ] = 3.0
-    min_deviance_fall: Annotated[
-        quantities.Positive,
-        Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one"),
-    ] = 20.0
-    max_delay_deviance: Annotated[
-        quantities.Positive,
-        Quantity(
-            "1", "deviance per sample above a model's, both by least squares, from which another delay is given up"
-        ),
-    ] = 1.0
     drum_friction: Annotated[
         quantities.Positive,
         Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope"),

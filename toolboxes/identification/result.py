@@ -19,6 +19,7 @@ from dualwinch.toolboxes.identification.diagnostics import (
     uninformed_keys,
 )
 from dualwinch.toolboxes.identification.estimate import LocalOptimum
+from dualwinch.toolboxes.identification.models import ModelEvidence
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import GaussMarkov
 from dualwinch.toolboxes.identification.smoother import SmoothedForce
@@ -66,6 +67,8 @@ class IdentificationResult(UncertainEstimates):
         sheet_shares: (p,) shares of the estimates' variances that are due to these.
         widened: largest factor of the sandwich covariance on the model's deviations, applied if innovations are not
             white; else 1.
+        models: all models that were fitted, the experiment as described first, by their criteria.
+        interrupted: whether an interruption (Ctrl-C) ended the comparison of models.
     """
 
     experiment: Experiment
@@ -90,6 +93,8 @@ class IdentificationResult(UncertainEstimates):
     data_sheet: dict[str, tuple[float, float]] = field(default_factory=dict)
     sheet_shares: Floats = field(default_factory=lambda: np.zeros(0))
     widened: float = 1.0
+    models: tuple[ModelEvidence, ...] = ()
+    interrupted: bool = False
 
     @property
     def correlation(self) -> Floats:
@@ -158,6 +163,7 @@ class IdentificationResult(UncertainEstimates):
         """Headings and rows of all tables: estimates, sensors and, if any, optima and profiles."""
         found = [self._estimates_table(), self._sensors_table()]
         found += [self._optima_table()] if len(self.optima) > 1 else []
+        found += [self._models_table()] if len(self.models) > 1 else []
         return found + ([self._profiles_table()] if self.profiles else [])
 
     def _estimates_table(self) -> Table:
@@ -192,6 +198,19 @@ class IdentificationResult(UncertainEstimates):
             for each in self.optima
         ]
         return ["searches", "log-likelihood, less the best", *self.keys], rows
+
+    def _models_table(self) -> Table:
+        rows = [
+            [
+                ", ".join(each.alternatives) or "as described",
+                f"{each.parameters}",
+                f"{each.deviance:.4g}",
+                f"{each.criterion:.4g}",
+                "refused" if each.refusal else f"{each.weight:.2g}",
+            ]
+            for each in self.models
+        ]
+        return ["model, with", "parameters", "deviance, less the least", "BIC, less the least", "weight"], rows
 
     def _profiles_table(self) -> Table:
         rows = []
@@ -231,6 +250,8 @@ class IdentificationResult(UncertainEstimates):
         if len(self.optima) > 1:
             likelihood = -self.optima[1].deviance / 2
             words.append(f"{len(self.optima)} distinct optima; the second is less likely, exp({likelihood:.3g})")
+        if self.interrupted:
+            words.append("interrupted: other alternatives were not compared")
         if not self.converged:
             words.append("the search did not converge: standard deviations may be too small")
         return words
@@ -270,6 +291,7 @@ class IdentificationResult(UncertainEstimates):
             "process_noise": {name: asdict(each) for name, each in self.process_noise.items()},
             "whiteness": [asdict(test) | {"white": test.white} for test in self.whiteness],
             "held_out": [asdict(test) | {"white": test.white} for test in self.held_out],
+            "models": [asdict(each) for each in self.models],
             "optima": [asdict(each) for each in self.optima],
             "profiles": [
                 {

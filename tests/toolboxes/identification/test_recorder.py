@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.identification.alternatives import ALTERNATIVES
 from dualwinch.toolboxes.identification.cli.identify import options_with
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.log import Log
 from dualwinch.toolboxes.identification.log import log as log_of_columns
-from dualwinch.toolboxes.identification.model_choice import ModelChoice
 from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.predictor import RecordedExperiment
+from dualwinch.toolboxes.identification.screening import LogScreening
 from dualwinch.toolboxes.identification.unknowns import data_sheet_parameters
 from tests.last_bit import perturbed
 
@@ -35,7 +35,7 @@ def resampled(rate: float, phase: float) -> Log:
 
 def clock_of(log: Log) -> RecordedExperiment | None:
     """The recorder that is likelier than rows at the samples of Case 4."""
-    return ModelChoice([log.from_zero()], (), DEFAULTS, None, no_progress).likeliest_clock(case(4))
+    return LogScreening([log.from_zero()], (), None, frozenset(ALTERNATIVES)).likeliest_clock(case(4), DEFAULTS)
 
 
 def test_rows_at_the_samples_need_no_clock() -> None:

@@ -40,6 +40,7 @@ def identify(
         options.default_of(default_max_unrecorded, words="{:.0%}"),
     ] = None,
     plain: bool = False,
+    alternatives: list[str] | None = None,
     without: list[str] | None = None,
     data_sheet: list[str] | None = None,
     out: Path | None = None,
@@ -69,8 +70,9 @@ def identify(
         unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
             another machine.
         plain: Fit the experiment as described only, without alternatives such as a recorder's own clock or a sea.
-        without: Alternative that is not tried: recorder-clock, interpolated-rows, torque-delay, torques-between-rows,
-            load-cell-lag, winches-and-ropes, sea, vortex-phase or start-under-way; may be repeated.
+        alternatives: Alternatives that are compared with the experiment as described: sea,load-cell-lag or all,-sea;
+            --alternatives list shows them; may be repeated.
+        without: Alternative that is not tried, as in --alternatives all,-NAME; may be repeated.
         data_sheet: Standard deviation of a sensor or motor by its data sheet, such as load_cell_error=0.5% or
             torque_error=0; may be repeated.
         out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
@@ -85,9 +87,14 @@ def identify(
         dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
         dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
     """
-    from dualwinch.toolbox import ensemble_file, experiment_file, file_formats, idealisations
+    from dualwinch.toolbox import ensemble_file, experiment_file, file_formats, idealisations, tables
+    from dualwinch.toolboxes.identification.alternatives import ALTERNATIVES
     from dualwinch.toolboxes.identification.identify import identify
 
+    if alternatives == ["list"]:
+        rows = [[kind, each.meaning] for kind, each in ALTERNATIVES.items()]
+        output.terminal(soft_wrap=True).print(tables.markdown(["alternative", "meaning"], rows), highlight=False)
+        return
     share = options.share_from(hold_out, "--hold-out", 0.2, zero=True)
     most = options.share_from(unrecorded, "--unrecorded", 0.2, zero=True)
     known = dict(map(prior_from, prior or []))
@@ -109,6 +116,7 @@ def identify(
             unrecorded=most,
             progress=progress,
             plain=plain,
+            alternatives=alternatives or [],
             without=without or [],
             options=options_with(data_sheet or []),
             **options.stated(hold_out=share, starts=starts),
@@ -129,6 +137,8 @@ def identify(
         for file in write_forces(disturbance, found):
             output.wrote(file)
     output.write_figure(plot, found.plot)
+    if found.interrupted:
+        raise KeyboardInterrupt
 
 
 def write_forces(file: Path, found: IdentificationResult) -> list[Path]:

@@ -9,12 +9,12 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
-from dualwinch.toolboxes.identification import model_choice
+from dualwinch.toolboxes.identification import screening
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.log import Log
-from dualwinch.toolboxes.identification.model_choice import torque_lags
 from dualwinch.toolboxes.identification.options import DEFAULTS, DataSheetOptions
 from dualwinch.toolboxes.identification.resample import sections_of
+from dualwinch.toolboxes.identification.screening import torque_lags
 from dualwinch.toolboxes.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
 from dualwinch.toolboxes.identification.vortices import shows_other_vortices, vortex_starts, with_vortex_origin
 from tests.toolboxes.identification.conftest import SEA, logged, machine
@@ -118,7 +118,7 @@ def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -
 @pytest.mark.slow
 def test_a_delay_that_arx_models_do_not_show_is_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they show each alike, a fit without the delay makes up for it by inertia and damping."""
-    monkeypatch.setattr(model_choice, "torque_lags", lambda _sections, order: np.ones(order))
+    monkeypatch.setattr(screening, "torque_lags", lambda _sections, order: np.ones(order))
     short = machine(simulation__duration=8.0)
     right = override(short, OFF | {"simulation.delay_samples": 2})
     found = identify([logged(right)], ["plant.vehicle.mass", "plant.winch_*.inertia"], short)

@@ -1,0 +1,259 @@
+"""Quick looks at logs before a fit: delays of torques, clocks of recorders, other vortices, a lag of load cells.
+
+They show which alternatives are worth a fit, and their most likely form.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.toolbox import ConfigurationError, Experiment, physics
+from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
+from dualwinch.toolboxes.identification.likelihood import LOAD_CELLS
+from dualwinch.toolboxes.identification.log import Log
+from dualwinch.toolboxes.identification.models import FittedModel
+from dualwinch.toolboxes.identification.options import EstimationOptions
+from dualwinch.toolboxes.identification.predictor import (
+    READINGS,
+    NoiseCovariances,
+    RecordedExperiment,
+    RecorderClock,
+    has_vortex_states,
+    predictor_structure,
+    recorded,
+)
+from dualwinch.toolboxes.identification.resample import LogSection, delays_of, sections_of
+from dualwinch.toolboxes.identification.unknowns import UnknownParameter, with_drum_friction, with_load_cell_lag
+from dualwinch.toolboxes.identification.vortices import likelier_phase, shows_other_vortices, vortex_starts
+
+Floats = NDArray[np.float64]
+
+PHASES = (np.arange(8) / 8 + 1 / 16).tolist()
+"""Phases of a recorder at which a search begins, in samples."""
+
+TOLERANCE = 1e-3
+"""Relative error of a recorder's rate, at most."""
+
+ONE_STEP = "adaptive"
+"""Integrator that takes one step from sample to sample."""
+
+
+def delayed(experiment: Experiment, samples: int) -> Experiment:
+    """An experiment with torques that act some samples after they are logged."""
+    return replace(experiment, simulation=replace(experiment.simulation, delay_samples=samples))
+
+
+@dataclass(frozen=True)
+class LogScreening:
+    """Quick looks at logs of one machine.
+
+    Attributes:
+        logs: of the machine.
+        unknowns: the requested parameters.
+        threads: default: one per core.
+        kinds: of the alternatives that are allowed (`alternatives.Alternative`).
+    """
+
+    logs: Sequence[Log]
+    unknowns: Sequence[UnknownParameter]
+    threads: int | None
+    kinds: frozenset[str]
+    _deviances: dict[tuple[Experiment, EstimationOptions, bytes], float] = field(default_factory=dict, repr=False)
+
+    def deviance_at_start(
+        self, experiment: Experiment, options: EstimationOptions, values: Floats | None = None
+    ) -> float:
+        """Deviance of an experiment with drum friction at given values of the unknowns, by default their starts.
+
+        Q is from a rough search.
+        """
+        point = np.array([each.start for each in self.unknowns]) if values is None else values
+        key = experiment, options, point.tobytes()
+        if key not in self._deviances:
+            rubbing = with_drum_friction(experiment, options.search)
+            sections = sections_of(self.logs, rubbing, options.resampling)
+            method = PredictionErrorMethod(sections, rubbing, self.unknowns, options, self.threads)
+            self._deviances[key] = method.deviance(point)
+        return self._deviances[key]
+
+    def likeliest_at_start(self, experiment: Experiment, options: EstimationOptions) -> tuple[float, Experiment]:
+        """The least deviance at the start over all delays of the torques, and the experiment with that delay."""
+        experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
+        return min(((self.deviance_at_start(each, options), each) for each in experiments), key=itemgetter(0))
+
+    def lags(self, experiment: Experiment, options: EstimationOptions) -> Floats:
+        """Significance of each delay of the torques (`torque_lags`)."""
+        sections = sections_of(self.logs, delayed(experiment, 0), options.resampling)
+        return torque_lags(sections, options.search.delay_order)
+
+    def delay_in(self, experiment: Experiment, options: EstimationOptions) -> int:
+        """The delay of the torques in samples, if load cells determine it clearly; else the experiment's."""
+        search, significance = options.search, self.lags(experiment, options)
+        delay = int(np.argmax(significance[: search.max_delay_samples + 1]))
+        described = experiment.simulation.delay_samples
+        clear = described >= len(significance) or (
+            significance[delay] > search.delay_significance * significance[described]
+        )
+        return delay if clear else described
+
+    def coarse_options(self, experiment: Experiment, options: EstimationOptions) -> EstimationOptions | None:
+        """Options for torques that change between rows (`CoarseLogOptions`); ``None``: rows are at every sample."""
+        coarse, step = options.search.coarse, experiment.simulation.sample_time
+        if all(np.median(np.diff(log.t)) < coarse.min_spacing * step for log in self.logs):
+            return None
+        noise = replace(
+            options.noise,
+            torque_time=coarse.chatter_time * step,
+            min_torque=coarse.min_chatter,
+            quiet_share=coarse.quiet_share,
+            whole_range=True,
+        )
+        search = replace(options.search, process_noise_tolerance=coarse.process_noise_tolerance)
+        resampling = replace(options.resampling, torque_rows=coarse.rows)
+        return replace(options, resampling=resampling, noise=noise, search=search)
+
+    def likeliest_clock(
+        self, experiment: Experiment, options: EstimationOptions, *, interpolated: Sequence[bool] = (False, True)
+    ) -> RecordedExperiment | None:
+        """The likeliest recorder with a clock of its own, and delay of the torques, at the start.
+
+        1. Candidates are measured and interpolated rows (`predictor.RecorderClock`), each with each delay and phase;
+           their likelihoods are those of the start of the logs.
+        2. ``None`` where rows at the samples are likelier, by their Bayesian information criteria (one parameter less);
+           also for torques that are not logged in every sample, for sensors with delays, and for ropes with mass, whose
+           motion between samples takes many steps.
+        """
+        step, simulation = experiment.simulation.sample_time, experiment.simulation
+        spacings = [float(np.median(np.diff(log.t))) for log in self.logs]
+        structure = predictor_structure(experiment)
+        if (
+            not interpolated
+            or simulation.jitter
+            or any(delays_of(experiment.sensors).values())
+            or max(spacings) >= options.search.coarse.min_spacing * step
+            or structure.integrator != ONE_STEP
+        ):
+            return None
+        start = np.zeros(0)
+        samples, steps = round(options.noise.section_time / step), math.ceil(step / min(spacings) - TOLERANCE)
+
+        def method_of(described: Experiment) -> PredictionErrorMethod:
+            sections = sections_of(self.logs, described, options.resampling)
+            return PredictionErrorMethod(sections, described, (), options, self.threads)
+
+        def clocked(late: int, phase: float, *, interpolated: bool) -> Experiment:
+            recorder = RecorderClock(phase * step, steps=steps, interpolated=interpolated)
+            return recorded(delayed(experiment, late), recorder)
+
+        def deviances(candidates: Sequence[Experiment], noise: NoiseCovariances) -> Floats:
+            methods = [method_of(each) for each in candidates]
+            pairs = [
+                method.filters.deviances([(method.with_values(start), noise)], samples * steps) for method in methods
+            ]
+            return np.concatenate(pairs)
+
+        noise = method_of(delayed(experiment, simulation.delay_samples)).noise_at(start)
+        delays = range(options.search.max_delay_samples + 1)
+        if "torque-delay" not in self.kinds:
+            delays = (simulation.delay_samples,)
+        coarse = [(late, phase, kind) for late in delays for phase in PHASES[1::4] for kind in interpolated]
+        order = np.argsort(deviances([clocked(*each[:2], interpolated=each[2]) for each in coarse], noise)).tolist()
+        likeliest = list(dict.fromkeys((coarse[each][0], coarse[each][2]) for each in order))
+        noise = method_of(clocked(*coarse[order[0]][:2], interpolated=coarse[order[0]][2])).noise_at(start)
+        fine = [(late, phase, kind) for late, kind in likeliest[:2] for phase in PHASES]
+        between = deviances([clocked(*each[:2], interpolated=each[2]) for each in fine], noise)
+        late, phase, kind = fine[int(np.argmin(between))]
+        if self.at_samples(experiment):
+            whole = [delayed(experiment, each) for each in delays]
+            readings = sum(np.isfinite(log.columns[name]).sum() for log in self.logs for name in log.readings)
+            if between.min() + math.log(readings) >= deviances(whole, noise).min():
+                return None
+        return recorded(delayed(experiment, late), RecorderClock(phase * step, steps=steps, interpolated=kind))
+
+    def at_samples(self, experiment: Experiment) -> bool:
+        """Whether all rows of a log are whole samples apart."""
+        times = [(log.t - log.t[0]) / experiment.simulation.sample_time for log in self.logs]
+        return all(np.median(np.diff(each)) > 0.9 and np.abs(each - np.rint(each)).max() < 0.1 for each in times)
+
+    def check_spacing(self, experiment: Experiment) -> None:
+        """Refuse logs with torques that change between rows, and rows too far apart for the drums' resonance.
+
+        Load cells then alias the resonance, and estimated masses are too large by several standard deviations.
+        """
+        plant = experiment.plant
+        least = min(
+            side.winch.drum_radius * math.sqrt(float(side.rope.tangent(1.0, length)[0]) / side.winch.inertia) / math.tau
+            for x in (0.0, plant.track.length)
+            for side, length in zip(plant.sides, physics.rope_lengths(x, plant.track), strict=True)
+        )
+        for log in self.logs:
+            if (spacing := float(np.median(np.diff(log.t)))) > 1 / (2 * least):
+                raise ConfigurationError(
+                    f"{log.name}: has a row every {1e3 * spacing:.3g} ms, its torques change in between, and its drums "
+                    f"swing on the ropes at {least:.3g} Hz or more: must have a row every {500 / least:.2g} ms or less"
+                )
+
+    def load_cell_lag(self, experiment: Experiment, options: EstimationOptions, values: Floats | None) -> float:
+        """A lag of the load cells in s with which logs are likelier; 0: there is none.
+
+        Even a lag of a millisecond leaves more torque unexplained than the log of another machine. Likelihoods are
+        those at the (p,) values of the requested parameters, by default at their starts.
+        """
+        search, recorded_names = options.search, {name for log in self.logs for name in log.columns}
+        if experiment.sensors.load_cell_time_constant or recorded_names.isdisjoint(LOAD_CELLS):
+            return 0.0
+        best, least, lag = 0.0, self.deviance_at_start(experiment, options, values), search.load_cell_lag
+        while lag <= search.max_load_cell_lag:
+            deviance = self.deviance_at_start(with_load_cell_lag(experiment, lag), options, values)
+            if deviance >= least:
+                break
+            best, least, lag = lag, deviance, 2 * lag
+        return best
+
+    def strouhal_reach(self, experiment: Experiment, options: EstimationOptions) -> float:
+        """Largest deviation of the Strouhal number from an experiment's."""
+        return options.search.strouhal_reach * options.search.strouhal_share * experiment.disturbance.strouhal
+
+    def integrated_phase(self, experiment: Experiment, options: EstimationOptions) -> bool:
+        """Whether logs show vortices with an integrated phase."""
+        return likelier_phase(self.logs, experiment, self.strouhal_reach(experiment, options), options)
+
+    def other_vortices(self, fit: FittedModel) -> bool:
+        """Whether logs show vortices that an estimate lacks; white innovations do not exclude such slow forces."""
+        experiment, options = fit.estimate.experiment, fit.model.options
+        return shows_other_vortices(self.logs, experiment, self.strouhal_reach(experiment, options), options)
+
+    def amplitude_is_contradicted(self, experiment: Experiment, options: EstimationOptions) -> bool:
+        """Whether smoothed readings show vortices of clearly another amplitude than described."""
+        if not experiment.disturbance.vortex or has_vortex_states(experiment):
+            return False
+        described, factor = experiment.disturbance.vortex_amplitude, options.search.contradicting_amplitude
+        starts = vortex_starts(self.logs, experiment, self.strouhal_reach(experiment, options), options)
+        return bool(starts) and not described / factor < starts[0][1] < described * factor
+
+
+def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:
+    """(order,) squared t-values of the torques 0, 1, ... samples ago in ARX models of the load cells.
+
+    Each tension is regressed on its own last `order` values, which removes the effect of the loop that commands the
+    torques, and on as many past torques. Zeros without usable load cells.
+    """
+    squares = np.zeros(order)
+    for section, side in product(sections, (0, 1)):
+        tension, torque = section.readings[:, READINGS.index("F1") + side], section.torques[:, side]
+        past = [np.roll(values, lag) for values in (tension, torque) for lag in range(1, order + 1)]
+        rows = np.column_stack([*past, tension])[order:]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows) < 10 * order or not rows[:, order].std():
+            continue
+        rows = (rows - rows.mean(axis=0)) / rows.std(axis=0)
+        r = np.asarray(np.linalg.qr(rows, mode="r"))
+        inverse = np.linalg.pinv(r[:-1, :-1])
+        coefficients = inverse @ r[:-1, -1]
+        squares += (coefficients**2 / (inverse**2).sum(axis=1))[order:] / (r[-1, -1] ** 2 / len(rows))
+    return squares
