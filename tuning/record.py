@@ -124,9 +124,7 @@ def write_study(
             "test_violation_interval": list(verdict.violation_interval(problem.options.confidence))
             if verdict.has_test_set
             else None,
-            "test_mean_interval": verdict.mean_interval(problem.objectives[0].metric, problem.options.confidence)
-            if verdict.has_test_set and problem.objectives[0].kind == "mean"
-            else None,
+            "test_mean_interval": verdict.mean_interval(problem.objectives[0], problem.options.confidence),
             "contradiction": verdict.contradiction or None,
             "instability": instability(tuned) or None,
             "remarks": [in_full(words, typed) for words in tuned.remarks],

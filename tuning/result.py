@@ -290,7 +290,7 @@ def tested(tuned: TuningResult) -> str:
     if not verdict.has_test_set:
         return ""
     level, words = tuned.problem.options.confidence, list[str]()
-    if objective.kind == "mean" and (mean := verdict.mean_interval(objective.metric, level)):
+    if mean := verdict.mean_interval(objective, level):
         words.append(
             f"{objective.name} = {mean[0]:.4g} ({mean[1]:.4g} to {mean[2]:.4g}){behind_number(objective.unit)}"
         )

@@ -11,6 +11,7 @@ from scipy.stats import bootstrap
 from dualwinch.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
@@ -137,15 +138,24 @@ class SelectionResult:
         """Clopper–Pearson interval of the share of scenarios in which the best violates a bound on the worst case."""
         return clopper_pearson(self.test_violations, self.scored.scenarios, confidence)
 
-    def mean_interval(self, metric: str, confidence: float) -> tuple[float, float, float] | None:
-        """Mean of a metric of the best with its percentile-bootstrap interval; ``None`` with fewer than two runs."""
+    def mean_interval(self, statistic: Statistic, confidence: float) -> tuple[float, float, float] | None:
+        """Mean, or geometric mean, of a metric of the best with its percentile-bootstrap interval.
+
+        ``None`` for another kind of statistic, without a test set, with fewer than two runs, or of a geometric mean
+        over values that are not positive.
+        """
         result = self.scores["best"].result
-        values = result.metrics[metric][0, result.outcomes[0] == "completed"]
-        if len(values) < 2:
+        values = result.metrics[statistic.metric][0, result.outcomes[0] == "completed"]
+        if not self.has_test_set or statistic.kind not in {"mean", "geomean"} or len(values) < 2:
             return None
-        interval = bootstrap((values,), np.mean, confidence_level=confidence, method="percentile", rng=0)
-        low, high = interval.confidence_interval
-        return float(values.mean()), float(low), float(high)
+        logarithmic = statistic.kind == "geomean"
+        if logarithmic and values.min() <= 0:
+            return None
+        sample = np.log(values) if logarithmic else values
+        interval = bootstrap((sample,), np.mean, confidence_level=confidence, method="percentile", rng=0)
+        bounds = np.array([sample.mean(), *interval.confidence_interval])
+        mean, low, high = np.exp(bounds) if logarithmic else bounds
+        return float(mean), float(low), float(high)
 
 
 class TestSet:

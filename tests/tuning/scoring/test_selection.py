@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.scoring import selection, test_set
@@ -85,6 +86,15 @@ def test_the_best_is_certified_and_scored_in_draws_of_their_own(
     assert verdict.improvement("mean.mse") > 1
     assert verdict.improvement("mean.mse", "start") > 1
     assert verdict.within_authority.all()  # in 0.1 s nothing is asked for
+    errors = verdict.scores["best"].result.metrics["mse"][0]
+    for kind, expected in (
+        ("mean", errors.mean()),
+        ("geomean", np.prod(errors / errors[0]) ** (1 / FEW.test) * errors[0]),
+    ):
+        mean, low, high = verdict.mean_interval(Statistic(kind, "mse"), 0.95) or (np.nan, np.nan, np.nan)
+        assert mean == pytest.approx(expected, rel=1e-9)
+        assert errors.min() < low < mean < high < errors.max()
+    assert verdict.mean_interval(Statistic("median", "mse"), 0.95) is None
     assert verdict.improvement("mean.mse", feasible=True) == verdict.improvement("mean.mse")
 
 
