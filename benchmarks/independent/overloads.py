@@ -31,6 +31,7 @@ OVERLOADS: Mapping[str, Mapping[str, float]] = {
     "push of 8 kN for 0.3 s": {"push_force": 8e3, "push_length": 0.3},
     "push of 2.4 kN for 9 s": {"push_force": 2.4e3, "push_length": 9.0},
     "drive 2 without torque for 0.1 s": {"dropout_length_2": 0.1},
+    "drive 1 without torque for 0.02 s": {"dropout_length_1": 0.02},
 }
 """Row → effects of the independent machine."""
 

@@ -128,7 +128,7 @@ class CalibratingKalman(MotionFilter):
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: calibrate the ropes, then filter the motion with the calibrated ropes."""
         nominal, taut, drums = context.nominal, TAUT * context.limits.tension_min, []
-        known, noise = (state.rope_1, state.rope_2), self.kalman.position_noise
+        ropes, noise = (state.rope_1, state.rope_2), self.kalman.position_noise
         now = timely(state.motion, measurement, self.kalman, nominal)
         measured = (now.F1, now.theta_1), (now.F2, now.theta_2)
         stretches = [
@@ -139,12 +139,12 @@ class CalibratingKalman(MotionFilter):
         ]
         spreads = tuple(
             stretch**2 / (rope.information + 1 / self.calibration.deviation**2)
-            for stretch, rope in zip(stretches, known, strict=True)
+            for stretch, rope in zip(stretches, ropes, strict=True)
         )
-        encoders = witnesses(state.motion, now, with_ropes(nominal, *known), context, spreads)
+        encoders = witnesses(state.motion, now, with_ropes(nominal, *ropes), context, spreads)
         motion, is_confirmed = with_gated_position(state.motion, now, encoders, self.kalman, self.trust, context)
         trusted = 1 - motion.gates.position.rejected if isinstance(motion.gates, Gates) else 1.0
-        for side, knowledge, stretch, (F, theta) in zip(nominal.sides, known, stretches, measured, strict=True):
+        for side, knowledge, stretch, (F, theta) in zip(nominal.sides, ropes, stretches, measured, strict=True):
             offset = side.winch.drum_radius * theta - side.direction * now.x
             counts = both(taut < F, trusted)
             drums.append(learn(knowledge, stretch, offset, counts, noise, self.calibration, context.sample_time))

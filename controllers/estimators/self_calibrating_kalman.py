@@ -117,7 +117,7 @@ class SelfCalibratingState:
         Scalar, Quantity("1", "samples since the calibration was updated"), Mark.PHASE, Mark.BOOKKEEPING
     ] = 0.0
     pending: Annotated[Scalar, Quantity("m", "shift by calibration that has not yet reached the position law")] = 0.0
-    late: Any = NO_STATE
+    sensor_delay: Any = NO_STATE
 
 
 @dataclass(frozen=True)
@@ -277,11 +277,11 @@ def common_delay(
 
 
 def with_common_delay(
-    position: EncoderPosition, encoder: EncoderKnowledge, late: DelayKnowledge, v: Scalar, gains: DrumGains
+    position: EncoderPosition, encoder: EncoderKnowledge, sensor_delay: DelayKnowledge, v: Scalar, gains: DrumGains
 ) -> EncoderPosition:
     """An encoder's position with the common delay in place of that learnt with this encoder, at a speed in m/s."""
     place = learnt_names(gains).index("delay")
-    return replace(position, x=position.x - v * (gains.delay * encoder.gathered.estimate[place] - late.delay))
+    return replace(position, x=position.x - v * (gains.delay * encoder.gathered.estimate[place] - sensor_delay.delay))
 
 
 def _distance(apart: Scalar, jump: Scalar) -> Scalar:
@@ -318,8 +318,8 @@ class SelfCalibratingKalman(MotionFilter):
         """At rest at the start of the run, with nominal drums, ropes and encoders."""
         unknown = unknown_errors(self.drums)
         wheel = WheelKnowledge() if self.kalman.speed_sensor and present(self.drums.wheel) else NO_STATE
-        late = DelayKnowledge() if present(self.drums.delay) else NO_STATE
-        return SelfCalibratingState(initial_motion(self.trust), unknown, unknown, wheel, late=late)
+        sensor_delay = DelayKnowledge() if present(self.drums.delay) else NO_STATE
+        return SelfCalibratingState(initial_motion(self.trust), unknown, unknown, wheel, sensor_delay=sensor_delay)
 
     def step(
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
@@ -337,8 +337,8 @@ class SelfCalibratingKalman(MotionFilter):
         reading = Reading(now.x, alive, gains.position_noise)
         due = True if self.drums.interval == 1 else state.samples == 0
         drums, resting = _drums(now, state.motion, context), both(due, 1 - has_begun(state.watch.started))
-        late = state.late
-        way = state.motion.v * late.delay if isinstance(late, DelayKnowledge) else 0.0
+        sensor_delay = state.sensor_delay
+        way = state.motion.v * sensor_delay.delay if isinstance(sensor_delay, DelayKnowledge) else 0.0
         predicted, is_confirmed = state.motion, 1.0
         if isinstance(predicted.gates, Gates):
             innovation_of_x = where(alive, reading.x + way - x, 0.0)
@@ -348,11 +348,11 @@ class SelfCalibratingKalman(MotionFilter):
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
         v, encoders = state.motion.v, (encoder_1, encoder_2)
-        late = common_delay(late, v, drums, encoders, self.kalman, self.drums, sample_time)
-        if isinstance(late, DelayKnowledge):
-            way = v * late.delay
-            position_1 = with_common_delay(position_1, encoder_1, late, v, self.drums)
-            position_2 = with_common_delay(position_2, encoder_2, late, v, self.drums)
+        sensor_delay = common_delay(sensor_delay, v, drums, encoders, self.kalman, self.drums, sample_time)
+        if isinstance(sensor_delay, DelayKnowledge):
+            way = v * sensor_delay.delay
+            position_1 = with_common_delay(position_1, encoder_1, sensor_delay, v, self.drums)
+            position_2 = with_common_delay(position_2, encoder_2, sensor_delay, v, self.drums)
         punctual = replace(reading, x=reading.x + way, alive=both(reading.alive, reading.trusted))
         fused = innovation(x, punctual, drums, (position_1, position_2), gains, self.trust)
         gain, rolled = blended_gain(gains, fused.lead, sample_time), now.v
@@ -383,7 +383,7 @@ class SelfCalibratingKalman(MotionFilter):
         )
         pending = (state.pending + fused.shift) * (1 - sample_time / self.trust.slide_time)
         samples = where(state.samples + 1 < self.drums.interval, state.samples + 1, 0.0)
-        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending, late)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending, sensor_delay)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
