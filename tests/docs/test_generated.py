@@ -85,4 +85,4 @@ def test_a_public_name_comes_with_signature_meaning_and_units() -> None:
 
 @pytest.mark.parametrize("name", PICTURES)
 def test_pictures_are_what_their_command_draws(name: str) -> None:
-    assert (IMAGES / name).read_text(encoding="utf-8") == PICTURES[name]().svg()
+    assert (IMAGES / name).read_text(encoding="utf-8") == PICTURES[name]()
