@@ -16,7 +16,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.simulation.batch.authority import within_authority
+from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.simulation.ensembles.comparison import Comparison, compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.constraints import NO_HEAVIER, NO_PEAK, NO_SLACK, QUIET
@@ -86,8 +86,8 @@ def least_load(ensemble: Ensemble, result: Comparison) -> float:
     paper = result.contenders["paper"].metrics["continuous_load"][:BOUNDED]
     scenarios = list(ensemble.scenarios(BOUNDED, TEST_SEED))
     least, theirs = [], []
-    for scenario, load, within in zip(scenarios, paper, within_authority(scenarios), strict=True):
-        if within:
+    for scenario, load, demand in zip(scenarios, paper, force_demands(scenarios), strict=True):
+        if demand.share <= 1:
             least.append(optimal_preload(scenario.experiment, every=STEP).continuous_load)
             theirs.append(load)
     return float(np.mean(least) / np.mean(theirs))

@@ -13,6 +13,7 @@ from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.controllers.presets.designed import LAG_RATIO, Shares
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
+from dualwinch.model.ropes import Rope
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.experiment import Experiment
 
@@ -62,6 +63,7 @@ def test_the_damping_fades_where_its_lag_is_a_quarter_of_the_drums_period() -> N
     faded = leaves(formula_design(machine, Shares(fading=True)))
     length = faded["controller.winch_1.fade"] * machine.plant.track.length
     winch, rope = machine.plant.winch_1, machine.plant.rope_1
+    assert isinstance(rope, Rope)
     mass = (winch.inertia + winch.rotor_inertia * winch.gear_ratio**2) / winch.drum_radius**2
     period = 2 * math.pi * math.sqrt(mass * length / (rope.modulus * rope.area))
     assert period == pytest.approx(4 * timing_of(machine).lag, rel=1e-3)

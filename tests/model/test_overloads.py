@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dualwinch as dw
-from dualwinch.model.actuators import Demand, Motor, MotorState
+from dualwinch.model.actuators import Demand, Motor, MotorState, WarmMotorState
 from dualwinch.model.overloads import Dropout, Payload, Push, loaded_vehicle, push_force, remaining_torque
 from dualwinch.model.vehicle import Vehicle
 
@@ -59,6 +59,7 @@ def test_a_hot_motor_gives_its_continuous_torque_until_it_has_cooled() -> None:
     for number in range(1000):
         state, torque = motor.step(state, Demand(120.0 if number < 800 else 0.0, 0.0, 0.0), step)
         torques.append(torque)
+        assert isinstance(state, WarmMotorState)
         heats.append(state.heat)
     hot = next(number for number, torque in enumerate(torques) if torque < 100 and number > 0)
     assert hot * step == pytest.approx(10.0 * np.log(4 / 3), abs=3 * step)
@@ -66,4 +67,6 @@ def test_a_hot_motor_gives_its_continuous_torque_until_it_has_cooled() -> None:
     assert heats[-1] == pytest.approx(np.exp(-2.0 / 10.0), rel=0.01)
     _, again = motor.step(state, Demand(120.0, 0.0, 0.0), step)
     assert again > 100.0
-    assert motor.holding_state(30.0).heat == pytest.approx(0.25)
+    held = motor.holding_state(30.0)
+    assert isinstance(held, WarmMotorState)
+    assert held.heat == pytest.approx(0.25)

@@ -499,7 +499,7 @@ def test_times_may_be_durations(tmp_path: Path, suffix: str) -> None:
 
     file, columns = tmp_path / f"rig.{suffix}", FAST | {"t": np.round(1e6 * T).astype("timedelta64[us]")}
     if suffix == "npz":
-        np.savez(file, **columns)
+        np.savez(file, allow_pickle=False, **columns)
     else:
         parquet.write_table(pa.table(columns), file)
     np.testing.assert_allclose(read_log(file).t, T, rtol=0, atol=1e-9)
