@@ -22,7 +22,7 @@ from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
 from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, law_label
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.progress import Progress, no_progress, part
 from dualwinch.simulation.results.file_formats import FileContent
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import current, leaf_of, override
@@ -224,9 +224,10 @@ def sweep(
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))
     experiments = np.empty(shape, dtype=object)
-    for index, point in zip(np.ndindex(shape), product(*grid.values()), strict=True):
+    for count, (index, point) in enumerate(zip(np.ndindex(shape), product(*grid.values()), strict=True)):
+        progress(0.5 * count / experiments.size)
         experiments[index] = _point(experiment, dict(zip(grid, point, strict=True)))
-    runs = run_grid(experiments, workers=workers, progress=progress)
+    runs = run_grid(experiments, workers=workers, progress=part(progress, 0.5, 1.0))
     edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
     return Sweep(
         runs.outcomes,

@@ -17,6 +17,7 @@ from dualwinch.toolboxes.identification.resample import sections_of
 from dualwinch.toolboxes.identification.screening import torque_lags
 from dualwinch.toolboxes.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
 from dualwinch.toolboxes.identification.vortices import shows_other_vortices, vortex_starts, with_vortex_origin
+from tests.last_bit import SEEDS, perturbed
 from tests.toolboxes.identification.conftest import SEA, logged, machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus")
@@ -219,3 +220,14 @@ def test_torques_that_chatter_and_are_logged_at_200_hz() -> None:
     assert any("torques act 2 samples after they are logged" in note for note in found.notes)
     with pytest.raises(ConfigurationError, match=r"has a row every 10 ms, its torques change in between"):
         identify([log.rows(slice(None, None, 10))], KEYS, machine(simulation__duration=30.0))
+
+
+@pytest.mark.slow
+def test_the_choice_of_a_model_does_not_hang_on_the_last_bit() -> None:
+    right = machine(sensors__speed_noise=5e-4, simulation__duration=6.0)
+    log, nominal = logged(right), override(right, {"plant.vehicle.mass": 1.05e4})
+    keys = ("plant.vehicle.mass", "plant.rope_*.modulus")
+    kinds = [each.alternatives for each in identify(log, keys, nominal, workers=1).models]
+    for seed in SEEDS:
+        moved = replace(log, columns=perturbed(dict(log.columns), seed))
+        assert [each.alternatives for each in identify(moved, keys, nominal, workers=1).models] == kinds
