@@ -253,7 +253,7 @@ def designed(
     survey = MarginSurvey(machines, names, amplitudes=amplitudes, compiled=compiled)
     verified = set(range(1 + draws if ensemble else 1))
     shares, trials = ALL, list[Design]()
-    for _ in range(STEPS):
+    while len(trials) < STEPS + shares.fading:  # which is no step of a share
         experiment = formula_design(base, shares, kept)
         values = leaves(experiment)
         row = [values[name] for name in names]

@@ -105,6 +105,14 @@ def recorded(experiment: Experiment, recorder: RecorderClock) -> RecordedExperim
     return RecordedExperiment(**groups, recorder=recorder)
 
 
+def with_rows_at_samples(experiment: RecordedExperiment, delay_samples: int) -> Experiment:
+    """The experiment of a recorder without its clock, with torques that act some of the controller's samples late."""
+    groups: dict[str, Any] = {each.name: getattr(experiment, each.name) for each in fields(Experiment)}
+    step = experiment.simulation.sample_time * experiment.recorder.steps
+    groups["simulation"] = replace(experiment.simulation, sample_time=step, delay_samples=delay_samples)
+    return Experiment(**groups)
+
+
 @dataclass(frozen=True)
 class UnrecordedDisturbances:
     """States of the disturbances that no log records.

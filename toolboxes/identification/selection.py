@@ -13,6 +13,7 @@ from dualwinch.toolboxes.identification.alternatives import (
     ALTERNATIVES,
     InterpolatedRows,
     RecorderPhase,
+    TorqueDelay,
     TorquesBetweenRows,
     WinchesAndRopes,
 )
@@ -20,13 +21,14 @@ from dualwinch.toolboxes.identification.diagnostics import ImplausibleFitError
 from dualwinch.toolboxes.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.toolboxes.identification.models import CONSIDERABLE, FittedModel, LogModel, ModelEvidence, are_white
 from dualwinch.toolboxes.identification.options import EstimationOptions
-from dualwinch.toolboxes.identification.predictor import NoiseCovariances
+from dualwinch.toolboxes.identification.predictor import NoiseCovariances, RecordedExperiment, with_rows_at_samples
 from dualwinch.toolboxes.identification.resample import sections_of
 from dualwinch.toolboxes.identification.screening import LogScreening
 from dualwinch.toolboxes.identification.unknowns import (
     AMPLITUDE,
     STROUHAL,
     clock_parameters,
+    covariance_of,
     nuisance_parameters,
     with_drum_friction,
 )
@@ -158,7 +160,7 @@ class ModelSelection:
         """Candidates of all alternatives to the likeliest fit.
 
         A clock of a recorder whose rows are at the samples may make up for something else: where it leaves innovations
-        coloured, other alternatives are tried without it, too.
+        coloured, other alternatives are tried without it, too, and in the end it is left out (`_without_clock`).
         """
         fits, clocks = [best], {RecorderPhase.kind, InterpolatedRows.kind}
         if clocks & set(best.model.kinds) and self.screening.at_samples(self.fits[0].experiment) and not best.white:
@@ -167,6 +169,40 @@ class ModelSelection:
             for kind, alternative in ALTERNATIVES.items():
                 if kind in self.screening.kinds:
                     yield from alternative().candidates(fit, self.screening)
+        yield from self._without_clock(best)
+
+    def _without_clock(self, fit: FittedModel) -> Iterator[LogModel]:
+        """The model with rows at the samples, if that cannot be excluded by its clock (Wald's test).
+
+        The distance of the estimated delay from a whole number of samples, and of the rate from the controller's, in
+        their covariance, is about the deviance that leaving out the clock adds; the criterion allows
+        log(readings) for each of the two.
+        """
+        experiment, described = fit.experiment, self.fits[0].experiment
+        if not isinstance(experiment, RecordedExperiment) or not self.screening.at_samples(described):
+            return
+        simulation = experiment.simulation
+        step = simulation.sample_time * experiment.recorder.steps
+        unknowns = fit.method.unknowns
+        places = [place for place, each in enumerate(unknowns) if each.key.startswith("recorder.")]
+        clock = dict(zip([unknowns[place].key for place in places], fit.estimate.values[places], strict=True))
+        late = simulation.delay_samples * simulation.sample_time - clock["recorder.phase"]
+        samples = round(late / step)
+        distance = np.array([samples * step - late if key == "recorder.phase" else size for key, size in clock.items()])
+        covariance = covariance_of(fit.estimate.information, unknowns)[np.ix_(places, places)]
+        deviance = float(distance @ np.linalg.solve(covariance, distance))
+        is_delayed = samples != described.simulation.delay_samples
+        if deviance > len(places) * np.log(fit.readings) or (
+            is_delayed and TorqueDelay.kind not in self.screening.kinds
+        ):
+            return
+        kinds = [kind for kind in fit.model.kinds if kind not in (RecorderPhase.kind, InterpolatedRows.kind)]
+        yield replace(
+            fit.model,
+            experiment=with_rows_at_samples(experiment, samples),
+            kinds=(*kinds, *([TorqueDelay.kind] if is_delayed and TorqueDelay.kind not in kinds else [])),
+            further=fit.model.further + is_delayed,
+        )
 
     def _accepted(self, best: FittedModel) -> FittedModel:
         """A fit with its rivals; its refusal is raised."""
