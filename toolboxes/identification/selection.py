@@ -54,6 +54,7 @@ class ModelSelection:
     3. Each candidate is fitted, by a search of its own from the starts, because the optimum of a model without an
        effect is a poor start. It ends where no neighbour one standard deviation away is likelier. If its criterion is
        lower, the search goes on from it.
+       A recorder's clock that is not needed is left out again (`_without_clock`), for it may stand in for a delay.
     4. When no alternative has a candidate left, the model with the least criterion is chosen among plausible ones.
        Those within `CONSIDERABLE` of it are its rivals, over which estimates are averaged (Burnham and Anderson, Model
        Selection and Multimodel Inference, 2002, Chapter 4).
