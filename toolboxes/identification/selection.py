@@ -1,6 +1,7 @@
 """Selection of a model for logs: the experiment as described, or one with some of the named alternatives."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import itemgetter
@@ -100,27 +101,31 @@ class ModelSelection:
             if wider is None:
                 raise
             self._fitted(wider, check)
+        try:
+            best = self._selected(base, check)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            best = self._likeliest()
+        return self._accepted(best)
+
+    def _selected(self, base: LogModel, check: Callable[[ParameterEstimate], Sequence[str]]) -> FittedModel:
+        """The likeliest fit once no alternative has a candidate left (steps 2 to 4)."""
         tried, proposals = {fit.model for fit in self.fits} | {base}, dict[FittedModel, Iterator[LogModel]]()
         while True:
             best = self._likeliest()
             proposed = proposals.setdefault(best, self._candidates(best))
             candidate = next((each for each in proposed if each not in tried), None)
-            if candidate is None and not best.finished and not best.refusal:
+            if candidate is not None:
+                tried.add(candidate)
+                with suppress(DivergedFilterError):
+                    self._fitted(candidate, check)
+            elif best.finished or best.refusal:
+                return best
+            else:
                 place = self.fits.index(best)
                 complete = self._fitted(best.model, check, complete=True)
                 self.fits[place] = self.fits.pop()
                 proposals[complete] = iter(())
-                continue
-            if candidate is None:
-                return self._accepted(best)
-            tried.add(candidate)
-            try:
-                self._fitted(candidate, check)
-            except DivergedFilterError:
-                continue
-            except KeyboardInterrupt:
-                self.interrupted = True
-                return self._accepted(self._likeliest())
 
     def base(self, described: LogModel) -> LogModel:
         """The described model, with the form of its rows and torques that no fit can do without.
