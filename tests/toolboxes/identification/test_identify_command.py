@@ -8,6 +8,7 @@ import pytest
 from dualwinch.cli.app import main
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load
+from dualwinch.toolboxes.identification.alternatives import ALTERNATIVES
 from tests.conftest import Refused
 from tests.toolboxes.identification.conftest import SEA, SENSORS
 
@@ -68,3 +69,17 @@ def test_a_machine_and_its_ensemble_come_out(log: Path, tmp_path: Path, capsys: 
 )
 def test_wrong_words_are_one_line(log: Path, words: list[str], message: str, refused: Refused) -> None:
     assert message in refused("identify", log, *words)
+
+
+def test_alternatives_are_listed_without_a_log(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["identify", "--alternatives", "list"])
+    said = capsys.readouterr().out
+    assert all(kind in said for kind in ALTERNATIVES)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [(["--fit", "plant.vehicle.mass"], "give at least one log"), (["run.parquet"], "--fit: give keys to estimate")],
+)
+def test_a_log_and_keys_are_needed(words: list[str], message: str, refused: Refused) -> None:
+    assert message in refused("identify", *words)

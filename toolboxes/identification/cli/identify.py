@@ -22,9 +22,8 @@ def default_max_unrecorded() -> float:
 
 
 def identify(
-    logs: list[Path],
-    *,
-    fit: list[str],
+    *logs: Path,
+    fit: list[str] | None = None,
     given: options.ExperimentOptions = options.ExperimentOptions(),
     ensemble: str | None = None,
     prior: options.Priors = None,
@@ -87,7 +86,14 @@ def identify(
         dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
         dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
     """
-    from dualwinch.toolbox import ensemble_file, experiment_file, file_formats, idealisations, tables
+    from dualwinch.toolbox import (
+        ConfigurationError,
+        ensemble_file,
+        experiment_file,
+        file_formats,
+        idealisations,
+        tables,
+    )
     from dualwinch.toolboxes.identification.alternatives import ALTERNATIVES
     from dualwinch.toolboxes.identification.identify import identify
 
@@ -95,6 +101,10 @@ def identify(
         rows = [[kind, each.meaning] for kind, each in ALTERNATIVES.items()]
         output.terminal(soft_wrap=True).print(tables.markdown(["alternative", "meaning"], rows), highlight=False)
         return
+    if not logs:
+        raise ConfigurationError("give at least one log: .csv, .txt, .parquet, .mat or .npz")
+    if not fit:
+        raise ConfigurationError("--fit: give keys to estimate, e.g. --fit plant.vehicle.mass")
     share = options.share_from(hold_out, "--hold-out", 0.2, zero=True)
     most = options.share_from(unrecorded, "--unrecorded", 0.2, zero=True)
     known = dict(map(prior_from, prior or []))
@@ -102,7 +112,7 @@ def identify(
     output.check_file(disturbance, *file_formats.FORMATS)
     with ProgressLine("fitting", command="identify") as progress, where.workers(progress) as workers:
         found = identify(
-            list(logs),
+            logs,
             fit,
             None if ensemble else given.experiment(),
             ensemble=given.ensemble(ensemble) if ensemble else None,
