@@ -28,8 +28,8 @@ from dualwinch.simulation.loop.closed_loop import (
     named_function,
     starts,
 )
-from dualwinch.simulation.loop.structure import LoopStructure, structure_of, zeros_of
-from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.loop.structure import LoopStructure, solver_of, structure_of, zeros_of
+from dualwinch.simulation.prepare import check_substeps, prepare
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -179,6 +179,9 @@ class ScenarioSource:
         length = page_length(self.experiment, batch)
         for group in scenario_groups(self._under_command(scenarios)):
             check_group(group, scenarios)
+            if structure_of(group.experiment).substeps != self._structure.substeps:
+                stiff = scenarios[group.members[0]]
+                check_substeps(stiff.experiment, solver_of(self.experiment))
             names = tuple(group.numbers)
             if names != self.loop.parameters:
                 self.loop.vector(group.numbers)  # raises an error that names the difference

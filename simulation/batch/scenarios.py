@@ -24,10 +24,13 @@ from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import starts
 from dualwinch.simulation.loop.structure import (
+    ADAPTIVE,
+    MOST_SUBSTEPS,
     LoopStructure,
     Solver,
     is_automatic,
     parameters_of,
+    power_of_two,
     solver_of,
     structure_of,
     substeps_for,
@@ -120,13 +123,50 @@ def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
         columns = [key for key in example.draws if key in plain]
         shaping_keys = [key for key in example.draws if key not in plain]
         for places in _grouped(members, (tuple(drawn[place].draws[key] for key in shaping_keys) for place in members)):
-            yield ScenarioGroup(
+            group = ScenarioGroup(
                 members=np.array(places),
                 experiment=_having(drawn[places[0]], places[0], {*shaping_keys, *shaping}),
                 nominal=example.nominal,
                 drawn_keys=frozenset(example.draws),
                 columns={key: np.array([drawn[place].draws[key] for place in places]) for key in columns},
             )
+            yield from _by_substeps(group)
+
+
+def _by_substeps(group: ScenarioGroup) -> Iterator[ScenarioGroup]:
+    """Split a group by the sub-steps of the adaptive integrator: members that need more than the common experiment.
+
+    Each of them has as many as it would have alone, whatever else is in the batch.
+    """
+    simulation = group.experiment.simulation
+    numbers = [0] * len(group.members)
+    if simulation.integrator == ADAPTIVE and not is_automatic(group.experiment):
+        numbers = _more_substeps(group).tolist()
+    for places in _grouped(range(len(numbers)), numbers):
+        if not (number := numbers[places[0]]):
+            experiment = group.experiment
+        else:
+            experiment = replace(group.experiment, simulation=replace(simulation, substeps=number))
+        columns = {key: column[places] for key, column in group.columns.items()}
+        yield replace(group, members=group.members[places], experiment=experiment, columns=columns)
+
+
+def _more_substeps(group: ScenarioGroup) -> NDArray[np.int64]:
+    """(members,) sub-steps, a power of two, where the common experiment's are too few; 0 elsewhere.
+
+    Members without a valid number of them get 0: `check_group` names what is wrong.
+    """
+    experiment, more = group.experiment, np.zeros(len(group.members), np.int64)
+    try:
+        solver, plant = solver_of(experiment), symbolic_parts(experiment, group.columns).plant
+        with np.errstate(all="ignore"):
+            needed = substeps_for(plant, experiment.simulation, solver.integrator, experiment.controller.limits)
+    except (ConfigurationError, ArithmeticError):
+        return more
+    needed = np.broadcast_to(needed, len(group.members))
+    stiff = (needed > solver.substeps) & (needed <= MOST_SUBSTEPS)
+    more[stiff] = [power_of_two(math.ceil(number)) for number in needed[stiff]]
+    return more
 
 
 def _grouped(places: Iterable[int], keys: Iterable[Hashable]) -> Iterable[list[int]]:

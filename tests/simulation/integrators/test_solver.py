@@ -16,6 +16,9 @@ from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.batch.scenarios import check_group, scenario_groups
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
+from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.stability import fastest_rate, swing_rate
@@ -234,6 +237,24 @@ def test_many_plants_at_once_have_the_rates_of_each() -> None:
         rest = Simulation(), integrator, Limits()
         together = substeps_for(with_leaves(plant, columns, "plant."), *rest)
         assert together == pytest.approx([float(substeps_for(one, *rest)) for one in each], rel=1e-9)
+
+
+def test_draws_with_stiffer_ropes_have_the_sub_steps_they_need() -> None:
+    stiff = both(case(4), **STEEL)
+    needed = solver_of(override(stiff, {"simulation.substeps": 1})).substeps
+    nominal = override(stiff, {"simulation.substeps": needed, "simulation.duration": 0.05})
+    factor = Drawn(Uniform(0.5, 20.0), relative=True, together="lot")
+    ensemble = Ensemble("", "", nominal, {f"plant.rope_{number}.modulus": factor for number in (1, 2)})
+    draws = ensemble.chosen(range(8), 0)
+    alone = [solver_of(draw.experiment).substeps for draw in draws]
+    groups = scenario_groups(draws)
+    assert len(groups) == len(set(alone)) > 1
+    for group in groups:
+        check_group(group, draws)
+        assert {solver_of(group.experiment).substeps} == {alone[place] for place in group.members}
+    together = run_ensemble(ensemble, 8, 0, traces=False).metrics["peak_tension"]
+    for place, draw in enumerate(draws):
+        assert together[place] == pytest.approx(simulate(draw.experiment).metrics.peak_tension)
 
 
 def test_a_batch_refuses_a_damping_its_sub_steps_are_too_long_for() -> None:

@@ -418,6 +418,14 @@ def test_wrong_arguments_are_named(arguments: dict[str, Any], message: str) -> N
         Stepper(**{"experiment": short(), "batch": 1} | arguments)
 
 
+def test_a_draw_that_needs_more_sub_steps_than_the_loop_has_is_refused() -> None:
+    heavy = dw.override(short(), {f"plant.rope_{number}.mass_per_length": 2.36 for number in (1, 2)})
+    stiffer = dw.Drawn(dw.Uniform(1e3, 2e3), relative=True)
+    ensemble = dw.Ensemble("", "", heavy, {"plant.rope_1.modulus": stiffer})
+    with pytest.raises(ConfigurationError, match=r"^simulation\.substeps = 5: must be >= "):
+        Stepper(ensemble, batch=2)
+
+
 @pytest.mark.parametrize(
     ("method", "arguments", "message"),
     [
