@@ -454,7 +454,9 @@ def initial_state(
     Rope tensions are those of the load cells. A millimetre of rope is tens of kilonewtons, so positions of vehicle and
     drums are not independently uncertain: uncertain are the common position of vehicle and drums, the stretch of each
     rope, the speeds, lagging torques and what no sensor reads (`_unread`), by standard deviations that are options, and
-    the disturbances.
+    the disturbances. A drum or an inner node moves against the vehicle no faster than it swings with the uncertain
+    stretch of its rope: the filter's derivatives do not hold for the strain rate of a short rope between ends with
+    independent speeds, in which friction between wires changes its sign several times a sample.
 
     `first` (readings,) are the first of each sensor, NaN where there is none; the first torque commands are in N m, and
     the time of the first sample in s.
@@ -498,12 +500,11 @@ def initial_state(
     others += [(x, v, more[0], pulls[1]), (x, v, pulls[0], more[1])]
     directions += [{key: value - known[key] for key, value in moving(*other).items()} for other in others]
     directions += _unread(plant, known, pulls, options)
-    for side in plant.sides:
-        turn, of_shafts = (
-            1 / physics.winding(0.0, side.winch).radius,
-            (f"omega_{side.number}", f"motor_{side.number}.omega"),
-        )
-        directions.append({f"motion.plant.{name}": options.speed * turn for name in of_shafts})
+    for side, spread, length in zip(plant.sides, spreads, physics.rope_lengths(point[0], plant.track), strict=True):
+        turn, stiffness = 1 / physics.winding(0.0, side.winch).radius, float(side.rope.tangent(1.0, length)[0])
+        swing = spread / turn / math.sqrt(stiffness * side.winch.inertia)
+        shafts = f"omega_{side.number}", f"motor_{side.number}.omega"
+        directions.append({f"motion.plant.{shaft}": turn * min(options.speed, swing) for shaft in shafts})
     directions += [{state: each.deviation} for name, each in process.items() for state in state_names(name)]
     root = np.array([[direction.get(name, 0.0) for name in names] for direction in directions], float)
     return np.array([(expected | known)[name] for name in names], float), root.T @ root
@@ -524,7 +525,10 @@ def _unread(
             if key.startswith(f"{prefix}waves.position"):
                 yield {key: options.stretch * float(rope.resting_stretch(pull, length))}
             elif key.startswith(f"{prefix}waves.speed"):
-                yield {key: options.speed}
+                mass = rope.mass_per_length * max(length, rope.shortest_mass)
+                frequency = rope.segments * math.sqrt(2 * float(rope.tangent(1.0, length)[0]) / mass)
+                swing = options.stretch * float(rope.resting_stretch(pull, length)) * frequency
+                yield {key: min(options.speed, swing)}
         if (depth := f"{prefix}sag.depth") in known:
             frequency = math.pi / physics.span_of(length, plant.track) * math.sqrt(pull / physics.transverse_mass(rope))
             yield {depth: options.sag * known[depth]}
