@@ -67,7 +67,8 @@ def tune(
             always finished.
         rollouts: number of rollouts of search, checks and certificates, of which the search leaves enough for another
             certificate; an eighth more where the search ends without a certified candidate. A first candidate is always
-            examined whole. Runs of the paper's gains, or the start, in the same draws as a candidate count.
+            examined whole. Runs of the paper's gains, or the start, in the same draws as a candidate count; the reserve
+            for them is what earlier examinations took.
         test_scenarios: number of test scenarios; default: from the problem's `TuningOptions`.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         store: open storage of the trials; a study in it is continued. Default: in memory.

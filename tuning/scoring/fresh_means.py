@@ -30,10 +30,14 @@ class FreshMeans:
         scorer: runs the other controllers.
         error: of all looks together.
         referring: whether bounds that refer to another controller are evaluated.
+
+    Attributes:
+        reference_runs: number of rollouts of other controllers so far.
     """
 
     def __init__(self, scorer: Scorer, error: float, *, referring: bool = True) -> None:
         self._scorer, self._error, self._looks = scorer, error, 0
+        self.reference_runs = 0
         pairs = zip(scorer.problem.constraints, scorer.training.constraints, strict=True)
         self._bounds = {
             trained.label: bound
@@ -53,6 +57,7 @@ class FreshMeans:
         self._looks += 1
         named = {self._bounds[label].reference for label in self._open} - {""}
         references = {name: self._scorer.reference_runs(name, scenarios) for name in named}
+        self.reference_runs += len(named) * len(scenarios)
         for label, bound in self._bounds.items():
             if bound.reference and label not in self._open:
                 continue

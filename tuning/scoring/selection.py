@@ -100,7 +100,7 @@ class Certification:
         self._evaluator, self._watch = evaluator, watch
         self.examined: list[Examination] = []
         self.certified: Examination | None = None
-        self._draws = self._rollouts = 0
+        self._draws = self._rollouts = self._reference_runs = 0
         self._add_start()
 
     def _add_start(self) -> None:
@@ -156,9 +156,12 @@ class Certification:
     def _allowed(self, budget: SelectionBudget, batches: int = 0) -> bool:
         """Whether a budget allows a certificate without a violation, after some batches as large as the largest.
 
-        Other controllers, to which bounds on means refer, may have to be run in all of its draws.
+        Controllers to which bounds on means refer are run in as many draws as the longest examination so far needed;
+        before the first, in those until one look.
         """
-        rollouts = self._means().controllers * self._next.draws_of_stage(0) + batches * self._evaluator.largest_batch
+        draws = self._next.draws_of_stage(0)
+        others = self._reference_runs or (self._means().controllers - 1) * min(self.options.chunk, draws)
+        rollouts = draws + others + batches * self._evaluator.largest_batch
         return budget.allows(self._evaluator.meter, rollouts, self.options.machines)
 
     def run(self, budget: SelectionBudget, search_on: Callable[[], None] = nothing) -> Examination | None:
@@ -256,6 +259,7 @@ class Certification:
                     break
                 stage = needed
         self._draws += max(certificate.draws, certificate.machines)
+        self._reference_runs = max(self._reference_runs, means.reference_runs)
         if runs and not certificate.satisfied:
             evaluator.learn(entry, draws, concatenated(runs), means)
         return certificate

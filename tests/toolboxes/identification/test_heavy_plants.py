@@ -47,7 +47,7 @@ def test_the_filter_begins_with_ropes_as_taut_as_the_load_cells_read() -> None:
 
 @pytest.mark.slow
 def test_the_masses_of_ropes_are_found() -> None:
-    """Also of the slack one, where hysteresis, whose state at the beginning is unknown, lasts for seconds."""
+    """Also of the slack one, half a metre long at first, whose friction between the wires is unknown then."""
     damped = {f"controller.winch_{number}.damping": 164.0 for number in (1, 2)}
     machine = dw.override(
         SITE,

@@ -217,6 +217,22 @@ def test_a_budget_counts_the_runs_of_the_papers_gains_beside_a_candidate(
     assert len(examined(evaluator, trials, budget).examined) == examinations
 
 
+def test_the_reserve_for_runs_of_the_papers_gains_is_what_they_took_before(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bound far away is settled at the first look, after which they do not run any more."""
+    options = replace(FEW, chunk=STAGE // 2)
+    problem = make_problem(scenarios=2, constraints=["mean.chatter<=9*paper"], options=options)
+    evaluator = Evaluator(prepare(problem))
+    trials = studied(evaluator)
+    monkeypatch.setattr(selection, "worst_of", violating([STAGE // 2, 0, 0, 0], STAGE // 2))
+    second = SampleCertificate(FEW.violation, FEW.confidence, 2).draws_of_stage(0)
+    before = evaluator.rollouts
+    certification = examined(evaluator, trials, SelectionBudget(rollouts=before + STAGE + second + STAGE // 2))
+    assert len(certification.examined) == 2
+    assert evaluator.rollouts - before < STAGE + 2 * second
+
+
 def test_without_rollouts_for_another_the_best_is_stated_with_its_probability(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
