@@ -91,7 +91,7 @@ def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str
         f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {causes}; "
         f"if intended, give {'them' if len(keys) > 1 else 'it'}"
         for causes, keys in merged.items()
-    ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own)]
+    ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own), *_mass_left(values, usual, own)]
 
 
 def _drag_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
@@ -132,6 +132,18 @@ def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Col
         yield (
             f"controller.coordination: {tensions} N: still of the paper's ropes and motors, not following {sizes}; "
             "if intended, give them"
+        )
+
+
+def _mass_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
+    """Remark on ropes to which mass is added even mid-track, as a default is that of a longer track."""
+    middle = values["plant.track.length"] / 2 + values["plant.track.rope_offset"]
+    heavy = [f"plant.{rope}.shortest_mass" for rope in ROPE_KEYS if values[f"plant.{rope}.mass_per_length"]]
+    left = [key for key in heavy if key not in own and middle < values[key] == usual[key]]
+    for key in dict.fromkeys(map(starred, left)) if len(left) == len(ROPE_KEYS) else left:
+        yield (
+            f"{key} = {usual[left[0]]:g} m: still the default, and ropes are {middle:g} m long mid-track; "
+            "if intended, give it"
         )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 from dualwinch.codegen.text import unicode_text
 from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import with_point
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,9 @@ class Source:
         except ConfigurationError as error:
             raise ConfigurationError(f"{self.name}: {error}") from error
         except tomllib.TOMLDecodeError as error:
-            raise ConfigurationError(f"{self.name}: not valid TOML: {error}") from error
+            line = re.search(r"at line (\d+)", str(error))
+            value = self.text.splitlines()[int(line[1]) - 1].partition("#")[0].partition("=")[2] if line else ""
+            raise ConfigurationError(f"{self.name}: not valid TOML: {error}{with_point(value)}") from error
 
     @contextmanager
     def located(self, key: str) -> Iterator[None]:

@@ -9,6 +9,7 @@ vector or matrix (`elements`).
 import difflib
 import heapq
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -364,6 +365,14 @@ def meant(name: Any, known: Iterable[str]) -> str:
     suggestion = next(iter(nearest(str(name), known)), "")
     return f"did you mean '{suggestion}'?" if suggestion and is_near(str(name), suggestion) else ""
 
+
+def with_point(text: Any) -> str:
+    """Hint for a number with a decimal comma; empty for anything else."""
+    number = str(text).strip()
+    return f"; decimals take a point: {number.replace(',', '.')}" if DECIMAL_COMMA.fullmatch(number) else ""
+
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 MOST_LISTED = 24
 """Largest number of names listed in an error; of more only the nearest are listed."""

@@ -11,7 +11,17 @@ import casadi as ca
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
 from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoice
-from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, meant, numbers_of, rebuilt
+from dualwinch.model.quantities.quantity import (
+    Leaf,
+    Mark,
+    Rule,
+    elements,
+    is_array,
+    meant,
+    numbers_of,
+    rebuilt,
+    with_point,
+)
 from dualwinch.model.scalar import Scalar, present, where
 
 Group = TypeVar("Group")
@@ -176,6 +186,8 @@ def validated(leaf: Leaf, value: Any) -> Any:
         hint = "" if leaf.marks.isdisjoint({Mark.PART, Mark.PARTS}) else f" ({HOW_TO_REGISTER})"
         if leaf.choices and isinstance(value, str) and (question := meant(value, leaf.choices)):
             hint += f"; {question}"
+        if leaf.kind in {float, int}:
+            hint += with_point(value)
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}{hint}")
     if Mark.PARTS in leaf.marks:
         return (value,) if isinstance(value, str) else tuple(value)

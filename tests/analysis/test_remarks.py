@@ -121,6 +121,16 @@ def test_tensions_of_the_papers_ropes_and_motors_are_said_on_others_in_one_line(
     assert not any("coordination" in line for line in defaults_left(less)), "no more than 1.5 times"
 
 
+def test_mass_that_ropes_of_a_short_track_do_not_have_is_said() -> None:
+    key = "plant.rope_1.shortest_mass"
+    rig = override(SHORT, {"plant.track.length": 6.0, "plant.rope_1.mass_per_length": 0.006})
+    words = f"{key} = 6 m: still the default, and ropes are 3.5 m long mid-track; if intended, give it"
+    assert words in defaults_left(rig)
+    assert not any(key in line for line in defaults_left(rig, {key}))
+    both = defaults_left(override(rig, {"plant.rope_2.mass_per_length": 0.006}))
+    assert words.replace("rope_1", "rope_*") in both
+
+
 def test_a_drag_area_beside_the_papers_coefficient_is_said() -> None:
     other = override(SHORT, {"plant.vehicle.drag_area": 2.0})
     diameter, coefficient = defaults_left(other, {"plant.vehicle.drag_area"})

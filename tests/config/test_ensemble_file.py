@@ -291,6 +291,7 @@ def test_wrong_entries_are_one_line_with_file_and_line(entry: str, message: str,
         ("# mine\nname = 'mine'\n", "my.toml:2: name: belongs below a line [ensemble]"),
         ("description = 'mine'\n", "my.toml:1: description: belongs below a line [ensemble]"),
         ("[distributions\n", "not valid TOML"),
+        ("[plant.vehicle]\nmass = 25,5  # kg\n", "(at line 2, column 10); decimals take a point: 25.5"),
     ],
 )
 def test_wrong_files_are_one_line(text: str, message: str, tmp_path: Path) -> None:

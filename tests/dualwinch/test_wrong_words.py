@@ -94,6 +94,7 @@ from tests.conftest import Refused
         ("simulate --controller lqi --set controller.kind=nftsm", 'given twice, as "lqi" and "nftsm"'),
         ("simulate --set controller.observer.l0=1 --set controller.observer.l0=2", "given twice, as 1 an"),
         ("simulate --set plant.vehicle.mas=1", "did you mean 'plant.vehicle.mass'"),
+        ("simulate --set plant.vehicle.mass=25,5", "> 0 kg; decimals take a point: 25.5"),
         ("simulate --set controller.nftsm.p=4", "controller.nftsm.p = 4: must be odd"),
         ("simulate --set controller.nftsm.q=5", "must be > controller.nftsm.q = 5"),
         ("simulate --set controller.coordination.preload=300", "> 400 and < 12000 N"),
