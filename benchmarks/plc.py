@@ -68,14 +68,11 @@ class Comparison:
     """A run of the Structured Text beside the C package's.
 
     Attributes:
-        run: which one, and its precision.
-        samples, numbers: what was compared.
+        numbers: how many were compared.
         different: how many of the numbers differ in a bit.
         largest: the largest difference, as a share of the largest value of its output.
     """
 
-    run: str
-    samples: int
     numbers: int
     different: int
     largest: float
@@ -114,7 +111,7 @@ def compiled_st(folder: Path, controller: Block, precision: Precision, iec2c: Pa
     return ctypes.CDLL(str(folder / "st.so"))
 
 
-def compare(name: str, experiment: Experiment, precision: Precision, iec2c: Path) -> Comparison:
+def compare(experiment: Experiment, precision: Precision, iec2c: Path) -> Comparison:
     """Run both over the same inputs."""
     controller = block("controller", experiment)
     kind = np.float32 if precision == "float" else np.float64
@@ -131,15 +128,13 @@ def compare(name: str, experiment: Experiment, precision: Precision, iec2c: Path
         expected = host.run(inputs)
     apart_by = np.abs(outputs - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), np.finfo(kind).tiny)
     return Comparison(
-        run=f"{name}, {precision}",
-        samples=len(inputs),
         numbers=outputs.size,
         different=int((outputs != expected).sum()),
         largest=float(apart_by.max()),
     )
 
 
-COMPARED = ("run of 50 s", "samples", "numbers compared", "different", "largest difference")
+COMPARED = ("50 s of", "numbers compared, each", *(f"different, {kind}" for kind in PRECISIONS), "largest difference")
 LOAD = (
     "controller",
     "operations a sample",
@@ -165,15 +160,11 @@ def comparisons(iec2c: Path) -> str:
     Raises:
         RuntimeError: a compiler refuses its input.
     """
-    made = [compare(name, each, precision, iec2c) for name, each in experiments().items() for precision in PRECISIONS]
-    rows = [
-        [
-            got.run,
-            *(f"{count:,}".replace(",", " ") for count in (got.samples, got.numbers, got.different)),
-            f"{got.largest:.1g}",
-        ]
-        for got in made
-    ]
+    rows = list[list[str]]()
+    for name, experiment in experiments().items():
+        runs = [compare(experiment, precision, iec2c) for precision in PRECISIONS]
+        counts = (f"{count:,}".replace(",", " ") for count in (runs[0].numbers, *(run.different for run in runs)))
+        rows.append([name, *counts, f"{max(run.largest for run in runs):.1g}"])
     compilers = [
         subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout.partition("\n")[0]
         for command in ([iec2c, "-v"], find_compiler().command)

@@ -176,10 +176,9 @@ def nearby() -> str:
     clipped = float(re.findall(r"by ([\d.e+]+) N", dw.nearby_gains(dw.certify(dw.case(3))).reason)[0])
     verdict = "*certified*, real ropes included" if certified.certified_with_ropes else "not certified"
     return f"""\
-**Gains nearby.** The command raises every gain that falls short, runs again, and repeats. In Case 4 it finds
-γ = {gamma:g}: there the force never saturates, and the run is the same one. In Cases 1 and 3 (`--case 3`) it finds
-none, and says why: the first sample clips {clipped:.0f} N, after which the loop runs away with any γ that the
-condition allows.
+**Gains nearby.** The command raises every gain that falls short and runs again. In Case 4 it finds
+γ = {gamma:g}, with the same run, as the force never saturates. In Cases 1 and 3 (`--case 3`) it finds none: the
+first sample clips {clipped:.0f} N, and the loop runs away with any γ that the condition allows.
 
 **Does V decrease?** In Case 4 over {100 * given.decreasing:.0f} % of the samples, and as fast as the last line of
 the proof requires over {100 * given.within_claim:.0f} %. Nor do gains that satisfy everything help:

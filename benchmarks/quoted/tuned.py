@@ -126,12 +126,11 @@ def rig() -> str:
     return f"""\
 {markdown([f"{SCENARIOS} machines that tuning never saw", "paper's gains", "tuned in `rig`"], rows)}
 
-The paper's controller has no position but the sensor's: during an outage it acts on the last reading. The second
-row is therefore the fair comparison: {without.paper / without.tuned:.0f} times, at {load:.2f} times the motors'
-load. The tuned gains estimate with [`self-calibrating-kalman`](observability.md). They still hold where all of the
-above are {held:.2g} times as large at once; at {breaks:.2g} times they break a limit ({by}; `stress`). The mean is
-larger than most runs (their median: {median:.5f} mm²), because of the few draws that ask for nearly all the force
-the motors have."""
+During an outage the paper's controller acts on the last reading; the fair comparison is the second row:
+{without.paper / without.tuned:.0f} times, at {load:.2f} times the motors' load. The tuned gains, with
+[`self-calibrating-kalman`](observability.md), still hold where all of the above are {held:.2g} times as large at once;
+at {breaks:.2g} times they break a limit ({by}; `stress`). A few draws that ask for nearly all the force of the motors
+raise the mean; the median is {median:.5f} mm²."""
 
 
 def breakdown() -> str:

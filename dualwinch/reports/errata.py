@@ -51,9 +51,8 @@ NOTES = _notes()
 
 INTRODUCTION = """\
 The paper is Wu et al., "Motion Control of a Flexible-Towed Underwater Vehicle Based on Dual-Winch Differential
-Tension Coordination Control", J. Mar. Sci. Eng. 2025, 13(6), 1120, doi:10.3390/jmse13061120. Its sections are given
-in parentheses. An erratum (E) is a printed statement that cannot be meant; an assumption (A) supplies what the paper
-leaves open and a simulation needs.
+Tension Coordination Control", J. Mar. Sci. Eng. 2025, 13(6), 1120, doi:10.3390/jmse13061120; sections are in
+parentheses. An erratum (E) cannot be meant as printed; an assumption (A) supplies what the paper leaves open.
 """
 
 

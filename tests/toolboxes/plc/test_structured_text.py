@@ -233,7 +233,7 @@ def test_matiec_compiles_the_block_to_the_same_bits(precision: Precision) -> Non
     iec2c = os.environ.get("IEC2C") or shutil.which("iec2c")
     if not iec2c:
         pytest.skip("no iec2c; IEC2C says where it is")
-    got = compare("Case 4", override(case(4), {"simulation.duration": 2.0}), precision, Path(iec2c))
+    got = compare(override(case(4), {"simulation.duration": 2.0}), precision, Path(iec2c))
     assert (got.numbers, got.different) == (24_000, 0)
 
 
