@@ -129,15 +129,44 @@ def _warnings_in_a_line() -> Iterator[None]:
         warnings.showwarning = before
 
 
+class _Output(io.FileIO):
+    """A standard stream that goes to the null device once its reader has ended, as ``head`` does: the work goes on."""
+
+    def write(self, data: Any) -> int | None:
+        """Write some bytes; return their number."""
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, self.fileno())
+            os.close(null)
+            return len(data)
+
+
 def _open_streams() -> None:
-    """Give a closed standard stream (``>&-``) the null device, whose place the next opened file would take."""
+    """Give a closed standard stream (``>&-``) the null device, whose place the next opened file would take.
+
+    Pipes get an `_Output`.
+    """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:
+        stream = getattr(sys, name)
+        raw = getattr(stream.buffer, "raw", stream.buffer) if isinstance(stream, io.TextIOWrapper) else None
+        if stream is None:
             descriptor = os.open(os.devnull, os.O_RDWR)
             if descriptor != number:
                 os.dup2(descriptor, number)
                 os.close(descriptor)
             setattr(sys, name, os.fdopen(number, "w" if number else "r", encoding="utf-8"))
+        elif number and type(raw) is io.FileIO and not stream.isatty():
+            output = _Output(stream.fileno(), "w", closefd=False)
+            replacement = io.TextIOWrapper(
+                output if raw is stream.buffer else io.BufferedWriter(output),  # PYTHONUNBUFFERED: no buffer
+                stream.encoding,
+                stream.errors,
+                line_buffering=stream.line_buffering,
+                write_through=stream.write_through,
+            )
+            setattr(sys, name, replacement)
 
 
 def _check_text(words: list[str]) -> None:
@@ -228,9 +257,6 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(str(error), WRONG_INPUT)
     except KeyboardInterrupt as error:
         _fail(f"interrupted; {error if error.args else _kept(written)}", INTERRUPTED)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(128 + signal.SIGPIPE) from None
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}", FAILED)

@@ -118,5 +118,6 @@ def test_a_full_disk_under_a_journal_names_it_and_the_way_on(tmp_path: Path, mon
 @pytest.mark.slow
 def test_a_reader_that_ends_early_is_no_error(tmp_path: Path) -> None:
     broken = "import os, sys; r, w = os.pipe(); os.close(r); os.dup2(w, 1);"
-    done = command("config", folder=tmp_path, before=broken)
-    assert (done.returncode, done.stderr) == (141, b"")  # as shells expect of SIGPIPE
+    for words in (["config"], ["--help"]):
+        done = command(*words, folder=tmp_path, before=broken)
+        assert (done.returncode, done.stderr) == (0, b"")
