@@ -68,10 +68,13 @@ def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions
         if not len(rows) or not (few or name in (*TORQUES, *POSITIONS, "F1", "F2")):
             continue
         worst = values[rows[0]] if few else values[rows[np.abs(values[rows]).argmax()]]
-        least, most = np.nanmin(values), np.nanmax(values)
+        smallest, largest = np.nanmin(values), np.nanmax(values)
         fit = dict[str, float]()
         for unit, by in physical_units.UNITS[UNIT_OF[name]].items():
-            for stated, extremes in ((f"-{unit}", (-by * least, -by * most)), (unit, (by * least, by * most))):
+            for stated, extremes in (
+                (f"-{unit}", (-by * smallest, -by * largest)),
+                (unit, (by * smallest, by * largest)),
+            ):
                 if low <= min(extremes) and max(extremes) <= high:
                     fit = {each: size for each, size in fit.items() if size != by} | {stated: by}
         units = sorted(fit, key=lambda unit: -fit[unit])[:2] or ["UNIT"]
@@ -108,56 +111,66 @@ def _check_displacements(log: Log, experiment: Experiment, options: Plausibility
         around |= {f"theta_{side.number}": radius, f"omega_{side.number}": radius}
     ways = dict[str, Floats]()
     for name in (name for name in (*POSITIONS, "v", "omega_1", "omega_2") if name in log.readings):
-        known = np.isfinite(log.columns[name])
-        values = np.interp(log.t, log.t[known], log.columns[name][known]) * around.get(name, 1.0)
+        rows = np.isfinite(log.columns[name])
+        values = np.interp(log.t, log.t[rows], log.columns[name][rows]) * around.get(name, 1.0)
         changes = np.diff(values) if name in POSITIONS else steps * (values[1:] + values[:-1]) / 2
         way = np.cumsum(np.where(inside, changes, 0.0))
         ways[name] = way - way.mean()
-    least = options.min_distance * experiment.plant.track.length
-    moved = [name for name in ways if ways[name].std() >= least]
-    if not any(name in POSITIONS for name in moved):
+    threshold = options.min_distance * experiment.plant.track.length
+    candidates = [name for name in ways if ways[name].std() >= threshold]
+    if not any(name in POSITIONS for name in candidates):
         return
 
     def ratio_of(one: str, other: str) -> float | None:
         """Ratio of the displacements of `one` and `other`; ``None`` if they are not correlated."""
-        own, way = ways[one], ways[other]
-        alike = abs(own @ way) > options.min_correlation * np.sqrt((own @ own) * (way @ way))
-        return float(own @ way) / float(way @ way) if alike else None
+        x, y = ways[one], ways[other]
+        if abs(x @ y) <= options.min_correlation * np.sqrt((x @ x) * (y @ y)):
+            return None
+        return float(x @ y) / float(y @ y)
 
     def equal(ratio: float | None) -> bool:
         return ratio is not None and 1 / options.max_scale_ratio < ratio < options.max_scale_ratio
 
-    same = {name: sum(equal(ratio_of(other, name)) for other in ways if other != name) for name in moved}
-    first = max(moved, key=lambda name: same[name])
+    same = {name: sum(equal(ratio_of(other, name)) for other in ways if other != name) for name in candidates}
+    reference = max(candidates, key=lambda name: same[name])
     for name in ways:
-        ratio = ratio_of(name, first)
+        ratio = ratio_of(name, reference)
         if ratio is not None and not equal(ratio):
-            reason = _reason(name, first, ratio, log, experiment, options, sure=same[first] > 0)
-            raise ConfigurationError(f"{log.name}: {name} moves {ratio:.3g} times as far as {first}: {reason}")
+            reason = _reason(name, reference, ratio, log, experiment, options, sure=same[reference] > 0)
+            raise ConfigurationError(f"{log.name}: {name} moves {ratio:.3g} times as far as {reference}: {reason}")
 
 
 def _reason(
-    name: str, first: str, ratio: float, log: Log, experiment: Experiment, options: PlausibilityOptions, *, sure: bool
+    name: str,
+    reference: str,
+    ratio: float,
+    log: Log,
+    experiment: Experiment,
+    options: PlausibilityOptions,
+    *,
+    sure: bool,
 ) -> str:
-    """The likeliest reason for a ratio of two readings' displacements; `sure`: `first` is the right one."""
-    step, found = float(np.median(np.diff(log.t))), list[str]()
+    """The likeliest reason for a ratio of two readings' displacements; `sure`: the `reference` is right."""
+    step, suggestions = float(np.median(np.diff(log.t))), list[str]()
 
     def add(reading: str, by: float) -> None:
         opposite = reading != "t" and 1 / options.max_scale_ratio < -by < options.max_scale_ratio
         unit = f"-{UNIT_OF[reading]}" if opposite else _unit_by(by, reading)
         _, high = plausible_ranges(experiment, options).get(reading, (0.0, np.inf))
         if unit and np.nanmax(np.abs(by * log.columns.get(reading, 0.0))) <= high:
-            found.append(f"{reading if found or reading != name else 'it'} in {unit} (--column {reading}=NAME:{unit})")
+            suggestions.append(
+                f"{reading if suggestions or reading != name else 'it'} in {unit} (--column {reading}=NAME:{unit})"
+            )
 
-    if (name in POSITIONS) != (first in POSITIONS):
-        by = 1 / ratio if first in POSITIONS else ratio
+    if (name in POSITIONS) != (reference in POSITIONS):
+        by = 1 / ratio if reference in POSITIONS else ratio
         if by > 1 or step > options.max_scale_ratio * experiment.simulation.sample_time:
             add("t", by)
-    if not found or step <= options.max_step:
+    if not suggestions or step <= options.max_step:
         add(name, 1 / ratio)
     if not sure:
-        add(first, ratio)
-    return f"is {' or '.join(found) or 'it in another unit, or of the motor'}?"
+        add(reference, ratio)
+    return f"is {' or '.join(suggestions) or 'it in another unit, or of the motor'}?"
 
 
 def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
@@ -180,46 +193,46 @@ def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) 
 
 def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
     """Refuse a log if its mean torques hold other tensions than its load cells read on average."""
-    held = vars(physics.holding_torques(2.0, experiment.plant))  # 1 N in each rope
+    unit_torques = vars(physics.holding_torques(2.0, experiment.plant))  # 1 N in each rope
     for number in (1, 2):
         torque, tension = f"tau_{number}", f"F{number}"
         if tension not in log.readings:
             continue
-        read, pull = np.nanmean(log.columns[tension]), np.nanmean(log.columns[torque]) / float(held[torque])
+        read, pull = np.nanmean(log.columns[tension]), np.nanmean(log.columns[torque]) / float(unit_torques[torque])
         ratio = float(pull / read) if read else 1.0
         if 1 / options.max_pull_ratio < ratio < options.max_pull_ratio:
             continue
-        if swapped := _swapped(log, held, options):
+        if question := _swapped(log, unit_torques, options):
             raise ConfigurationError(
-                f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: {swapped}"
+                f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: {question}"
             )
         units = {name: _unit_by(by, name) for name, by in ((torque, 1 / ratio), (tension, ratio))}
-        said = [f"{name} in {unit} (--column {name}=NAME:{unit})" for name, unit in units.items() if unit]
+        suggestions = [f"{name} in {unit} (--column {name}=NAME:{unit})" for name, unit in units.items() if unit]
         other = f"{torque} of the opposite sign (--column {torque}=NAME:-N m)" if ratio < 0 else "one in another unit"
         raise ConfigurationError(
             f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: "
-            f"is {' or '.join(said) or other}?"
+            f"is {' or '.join(suggestions) or other}?"
         )
-    if _pulls_are_opposed(log, held, options):
+    if _pulls_are_opposed(log, unit_torques, options):
         raise ConfigurationError(
             f"{log.name}: where tau_1 pulls more than tau_2, F1 reads less than F2: have F1 and F2 or tau_1 and tau_2 "
             "changed places?"
         )
 
 
-def _pulls_are_opposed(log: Log, held: Mapping[str, float], options: PlausibilityOptions) -> bool:
+def _pulls_are_opposed(log: Log, unit_torques: Mapping[str, float], options: PlausibilityOptions) -> bool:
     """Whether the sides' differences of torque and of tension go opposite ways, each averaged over a time.
 
     Averaged because a drum that oscillates has them in opposite phase.
     """
     if not {"F1", "F2"} <= set(log.readings):
         return False
-    pulls = [log.columns[torque] / float(held[torque]) for torque in TORQUES]
-    known = np.isfinite([*pulls, log.columns["F1"], log.columns["F2"]]).all(axis=0)
-    _, window = np.unique((log.t[known] // options.averaging_time).astype(int), return_inverse=True)
+    pulls = [log.columns[torque] / float(unit_torques[torque]) for torque in TORQUES]
+    rows = np.isfinite([*pulls, log.columns["F1"], log.columns["F2"]]).all(axis=0)
+    _, window = np.unique((log.t[rows] // options.averaging_time).astype(int), return_inverse=True)
 
     def means(values: Floats) -> Floats:
-        return np.bincount(window, values[known]) / np.bincount(window)
+        return np.bincount(window, values[rows]) / np.bincount(window)
 
     torques, tensions = means(pulls[0] - pulls[1]), means(log.columns["F1"] - log.columns["F2"])
     size = np.abs(means(log.columns["F1"] + log.columns["F2"])).mean() if len(tensions) else 0.0
@@ -228,19 +241,22 @@ def _pulls_are_opposed(log: Log, held: Mapping[str, float], options: Plausibilit
     return bool(np.corrcoef(torques, tensions)[0, 1] < -options.max_opposition)
 
 
-def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) -> str | None:
+def _swapped(log: Log, unit_torques: Mapping[str, float], options: PlausibilityOptions) -> str | None:
     """The columns that fit on average after swapping the two sides, as a question; ``None`` if there are none."""
     if not {"F1", "F2"} <= set(log.readings):
         return None
     mean = {name: float(np.nanmean(log.columns[name])) for name in (*TORQUES, "F1", "F2")}
-    own = [mean[torque] / float(held[torque]) for torque in TORQUES]
-    other = [mean[torque] / float(held[place]) for torque, place in zip(reversed(TORQUES), TORQUES, strict=True)]
-    found = list[str]()
-    for what, pulls, reads in (("F1 and F2", own, ("F2", "F1")), ("tau_1 and tau_2", other, ("F1", "F2"))):
+    side_pulls = [mean[torque] / float(unit_torques[torque]) for torque in TORQUES]
+    cross_pulls = [
+        mean[torque] / float(unit_torques[place]) for torque, place in zip(reversed(TORQUES), TORQUES, strict=True)
+    ]
+    pairs = list[str]()
+    cases = ("F1 and F2", side_pulls, ("F2", "F1")), ("tau_1 and tau_2", cross_pulls, ("F1", "F2"))
+    for what, pulls, reads in cases:
         ratios = [pull / mean[read] if mean[read] else 1.0 for pull, read in zip(pulls, reads, strict=True)]
         if all(1 / options.max_pull_ratio < ratio < options.max_pull_ratio for ratio in ratios):
-            found.append(what)
-    return f"have {' or '.join(found)} changed places?" if found else None
+            pairs.append(what)
+    return f"have {' or '.join(pairs)} changed places?" if pairs else None
 
 
 def _unit_by(by: float, name: str) -> str | None:
@@ -254,14 +270,14 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
     """Column → lowest and highest plausible value in a log of such a machine, in SI units."""
     plant, strongest = experiment.plant, options.max_tension_ratio * experiment.controller.limits.tension_max
     length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    beyond, torques = options.max_beyond_track * length, physics.holding_torques(2 * strongest, plant)
-    whole = length + beyond
+    margin, torques = options.max_beyond_track * length, physics.holding_torques(2 * strongest, plant)
+    farthest = length + margin
     return {
-        "x": (-beyond, whole),
+        "x": (-margin, farthest),
         "F1": (-strongest, strongest),
         "F2": (-strongest, strongest),
-        "theta_1": (-whole / radius_1, whole / radius_1),
-        "theta_2": (-whole / radius_2, whole / radius_2),
+        "theta_1": (-farthest / radius_1, farthest / radius_1),
+        "theta_2": (-farthest / radius_2, farthest / radius_2),
         "tau_1": (-float(torques.tau_1), float(torques.tau_1)),
         "tau_2": (-float(torques.tau_2), float(torques.tau_2)),
         "v": (-options.max_speed, options.max_speed),
@@ -295,25 +311,25 @@ def check_fit(
         ImplausibleFitError: unrecorded torques likewise, or residuals of a sensor far larger than its own noise.
     """
     plausibility, name = options.plausibility, sections[0].name
-    most = plausibility.max_unrecorded if unrecorded is None else unrecorded
+    limit = plausibility.max_unrecorded if unrecorded is None else unrecorded
     recorded = np.concatenate([section.torques for section in sections])
-    held = physics.holding_torques(2.0, experiment.plant)  # 1 N in each rope
-    pulls = recorded[:, 0] / float(held.tau_1), recorded[:, 1] / float(held.tau_2)
+    unit_torques = physics.holding_torques(2.0, experiment.plant)  # 1 N in each rope
+    pulls = recorded[:, 0] / float(unit_torques.tau_1), recorded[:, 1] / float(unit_torques.tau_2)
     torque, force = float(np.sqrt(np.mean(recorded**2))), float(np.sqrt(np.mean(pulls[0] ** 2 + pulls[1] ** 2)))
-    further = {key: each.deviation for key, each in estimate.noise.process.items()}
+    noise = {key: each.deviation for key, each in estimate.noise.process.items()}
     readings = np.concatenate([section.readings for section in sections])
     counts = np.isfinite(readings).sum(axis=0)
-    seen = counts[[READINGS.index(reading) for reading in ("x", "v", "F1", "F2")]].any()
+    has_motion = counts[[READINGS.index(reading) for reading in ("x", "v", "F1", "F2")]].any()
     excess = {
-        f"unrecorded torques of {further['torque_1']:.3g} N m would be needed besides the recorded {torque:.3g} N m": (
-            further["torque_1"] / torque
+        f"unrecorded torques of {noise['torque_1']:.3g} N m would be needed besides the recorded {torque:.3g} N m": (
+            noise["torque_1"] / torque
         ),
-        f"an unrecorded force of {further['force']:.3g} N on the vehicle would be needed besides the {force:.3g} N of "
-        "the ropes": further["force"] / force if seen else 0.0,
+        f"an unrecorded force of {noise['force']:.3g} N on the vehicle would be needed besides the {force:.3g} N of "
+        "the ropes": noise["force"] / force if has_motion else 0.0,
     }
     unlike = f"it is of another machine, {other_reasons(sections, experiment, plausibility)}"
     for words, share in excess.items():
-        if share > most:
+        if share > limit:
             accept = (
                 f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless_unrecorded else ""
             )
@@ -338,8 +354,8 @@ def other_reasons(
     """Other reasons why torques do not explain the readings, in words."""
     changes = [np.diff(section.torques, axis=0) for section in sections]
     every = np.concatenate(changes)
-    moved = every[every.any(axis=1)]
-    samples = len(every) / max(len(moved), 1)
+    jumps = every[every.any(axis=1)]
+    samples = len(every) / max(len(jumps), 1)
     if samples > options.max_scale_ratio * 0.75:
         step = 1e3 * samples * experiment.simulation.sample_time
         return f"or its torques change faster than they were logged, every {step:.3g} ms: log every command"
@@ -392,32 +408,32 @@ def whiteness_tests(
 
     Innovations are (samples, readings) for each section, NaN without a reading; torques (samples, 2).
     """
-    found, lags = [], options.lags
+    tests, lags = [], options.lags
     for column, name in enumerate(READINGS):
         values = [section[:, column] for section in innovations]
         count = sum(int(np.isfinite(each).sum()) for each in values)
         if count < 2 * lags:
             continue
         variance = sum(float(np.nansum(each**2)) for each in values) / count
-        own = _correlations(values, values, lags)
+        correlations = _correlations(values, values, lags)
         changes = [[np.diff(each[:, side], prepend=each[0, side]) for each in torques] for side in (0, 1)]
         sides = np.array([_correlations(each, values, lags) for each in changes])
         by = np.where(np.abs(sides[0]) >= np.abs(sides[1]), *sides)
-        most, torque = int(np.argmax(np.abs(own))), int(np.argmax(np.abs(by)))
+        peak, torque_peak = int(np.argmax(np.abs(correlations))), int(np.argmax(np.abs(by)))
         chance = float(norm.ppf(1 - (1 - options.confidence) / (2 * lags)) / np.sqrt(max(count, 1)))
-        found.append(
+        tests.append(
             WhitenessTest(
                 name=name,
                 count=count,
                 variance=variance,
-                correlation=float(own[most]),
-                lag=most + 1,
-                torque_correlation=float(by[torque]),
-                torque_lag=torque + 1,
+                correlation=float(correlations[peak]),
+                lag=peak + 1,
+                torque_correlation=float(by[torque_peak]),
+                torque_lag=torque_peak + 1,
                 bound=max(chance, options.negligible_correlation),
             )
         )
-    return tuple(found)
+    return tuple(tests)
 
 
 def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) -> Floats:
@@ -427,10 +443,9 @@ def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) 
     their share, so that one bound holds for all lags.
     """
     sums = np.zeros((4, lags))
-    for early, late in zip(first, second, strict=True):
-        known, there = np.isfinite(early), np.isfinite(late)
-        a, b = np.where(known, early, 0.0), np.where(there, late, 0.0)
-        here, later = known.astype(float), there.astype(float)
+    for both in zip(first, second, strict=True):
+        a, b = (np.where(np.isfinite(values), values, 0.0) for values in both)
+        here, later = (np.isfinite(values).astype(float) for values in both)
         pairs = (a, b), (a**2, later), (here, b**2), (here, later)
         sums += [[np.einsum("i,i->", x[:-lag], y[lag:]) for lag in range(1, lags + 1)] for x, y in pairs]
     products, size = sums[0], np.sqrt(sums[1] * sums[2])
@@ -469,10 +484,10 @@ class UnidentifiableDirection:
     @property
     def words(self) -> str:
         """The direction in a sentence."""
-        first, *others = self.keys
-        if not others:
-            return f"{first}: the logs contain next to no information on it"
-        return f"{first}: identifiable only together with {' and '.join(others)}"
+        key, *partners = self.keys
+        if not partners:
+            return f"{key}: the logs contain next to no information on it"
+        return f"{key}: identifiable only together with {' and '.join(partners)}"
 
 
 def unidentifiable_directions(
@@ -481,15 +496,15 @@ def unidentifiable_directions(
     """Eigenvectors of the logs' (p, p) information with less information than the priors, the worst first."""
     by = np.array([each.uncertainty for each in unknowns])
     eigenvalues, vectors = np.linalg.eigh(information * np.outer(by, by))
-    found = []
+    directions = []
     for eigenvalue, vector in zip(eigenvalues, vectors.T, strict=True):
         if eigenvalue * options.unidentifiable**2 >= 1:
             continue
         size, order = np.abs(vector), np.argsort(-np.abs(vector))
         main = [int(index) for index in order if size[index] >= options.participation * size[order[0]]]
         deviation = float(1 / np.sqrt(eigenvalue)) if eigenvalue > 0 else np.inf
-        found.append(UnidentifiableDirection(tuple(unknowns[index].key for index in main), deviation))
-    return tuple(found)
+        directions.append(UnidentifiableDirection(tuple(unknowns[index].key for index in main), deviation))
+    return tuple(directions)
 
 
 def uninformed_keys(
@@ -511,14 +526,16 @@ def sandwich_factors(method: PredictionErrorMethod, estimate: ParameterEstimate)
     """
     filters, experiment, noise = method.filters, estimate.experiment, estimate.noise
     parameters, blocks, scores = filters.parameters(experiment, noise), method.options.diagnostics.blocks, []
-    for section, own in zip(filters.sections, filters.run(experiment, noise), strict=True):
+    for section, filter_pass in zip(filters.sections, filters.run(experiment, noise), strict=True):
         ends = np.linspace(0, len(section.inputs), blocks + 1).astype(int)[1:].tolist()
         sums = [
-            method.filters_of([section.upto(end)]).predict(parameters, experiment, noise, [own])[0].normal[:-1, -1]
+            method.filters_of([section.upto(end)])
+            .predict(parameters, experiment, noise, [filter_pass])[0]
+            .normal[:-1, -1]
             for end in ends
         ]
-        own_scores = np.diff(sums, axis=0, prepend=0.0)
-        scores.append(own_scores - own_scores.mean(axis=0))
+        block_scores = np.diff(sums, axis=0, prepend=0.0)
+        scores.append(block_scores - block_scores.mean(axis=0))
     every = np.concatenate(scores)
     prior = np.diag([1 / each.uncertainty**2 for each in method.unknowns])
     middle = every.T @ every * blocks / (blocks - 1) + prior
@@ -551,11 +568,11 @@ class LikelihoodProfile:
         ends = []
         for side in (slice(best, None, -1), slice(best, None)):
             values, root = self.values[side], np.sqrt(np.maximum(self.rise[side], 0.0))
-            beyond = np.flatnonzero(root >= bound)
-            if not len(beyond) or beyond[0] == 0:
+            crossings = np.flatnonzero(root >= bound)
+            if not len(crossings) or crossings[0] == 0:
                 ends.append(np.inf * (1 if ends else -1))
                 continue
-            two = slice(beyond[0] - 1, beyond[0] + 1)  # the root of a parabola is a straight line
+            two = slice(crossings[0] - 1, crossings[0] + 1)  # the root of a parabola is a straight line
             ends.append(float(np.interp(bound, root[two], values[two])))
         return ends[0], ends[1]
 
@@ -583,18 +600,18 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
         maximum = method.likelihood.maximum(at, estimate.noise, coordinates, fixed, size=1.0)
         return (maximum.at, maximum.deviance) if maximum else (at, np.inf)
 
-    best, least = maximised(coordinates.of(estimate.values), None)
+    best, minimum = maximised(coordinates.of(estimate.values), None)
     value = float(coordinates.values(best)[index])
-    found, along = {value: 0.0}, covariance[:, index] / covariance[index, index]
+    rises, direction = {value: 0.0}, covariance[:, index] / covariance[index, index]
     points = options.profile_points
     for way in (-1, 1):
         at, last = best, value
         for number in range(1, points + 1):
-            wanted = value + way * options.profile_reach * deviation * number / points
-            fixed = float(np.clip(wanted, unknown.lower, unknown.upper))
-            if fixed in found:
+            target = value + way * options.profile_reach * deviation * number / points
+            fixed = float(np.clip(target, unknown.lower, unknown.upper))
+            if fixed in rises:
                 break
-            start = coordinates.of(coordinates.values(at) + along * (fixed - last))
+            start = coordinates.of(coordinates.values(at) + direction * (fixed - last))
             at, deviance = maximised(start, index)
-            found[fixed], last = deviance - least, fixed
-    return LikelihoodProfile(key, np.array(sorted(found)), np.array([found[each] for each in sorted(found)]))
+            rises[fixed], last = deviance - minimum, fixed
+    return LikelihoodProfile(key, np.array(sorted(rises)), np.array([rises[each] for each in sorted(rises)]))

@@ -80,8 +80,8 @@ def motion_limits(
     length, limits = experiment.plant.track.length, experiment.controller.limits
     if track is not None and not 0 < track <= length:
         raise ConfigurationError(f"track = {track:g}: must be > 0 and <= plant.track.length = {length:g} m")
-    given = {"speed": speed, "acceleration": acceleration, "torque": torque}
-    for name, value in given.items():
+    bounds = {"speed": speed, "acceleration": acceleration, "torque": torque}
+    for name, value in bounds.items():
         if value is not None and not 0 < value < math.inf:
             raise ConfigurationError(f"{name} = {value:g}: must be > 0")
     largest = acceleration or options.force_share * float(limits.force) / experiment.plant.vehicle.mass
@@ -113,25 +113,25 @@ def motion_of(
         min(float(f"{options.min_speed_share ** (1 - share) * largest:.2g}"), largest)
         for share, largest in zip(shares[:2], (limits.speed, limits.acceleration), strict=True)
     )
-    own = motions.MoveLimits(speed, acceleration, limits.jerk and float(f"{limits.jerk:.2g}"))
+    move_limits = motions.MoveLimits(speed, acceleration, limits.jerk and float(f"{limits.jerk:.2g}"))
     targets, weights = shares[2::2] * limits.farthest, shares[3::2] ** 2 + 1e-6
-    points, pauses, position, late = list[float](), list[float](), 0.0, 0.0
+    points, pauses, position, budget = list[float](), list[float](), 0.0, 0.0
     for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
-        late += time
-        way = _floor(min(abs(target - position), _farthest(late, own, options)))
+        budget += time
+        way = _floor(min(abs(target - position), _farthest(budget, move_limits, options)))
         if way < options.min_distance:
             continue
         position = round(position + float(np.copysign(way, target - position)), 2)
         points.append(position)
-        pauses.append(max(_floor(late - _move_time(way, own)) - 0.01, 0.0))
-        late -= _move_time(way, own) + pauses[-1]
+        pauses.append(max(_floor(budget - _move_time(way, move_limits)) - 0.01, 0.0))
+        budget -= _move_time(way, move_limits) + pauses[-1]
     if not points:
         return None
     return references.Reference(
         kind="way-points",
         speed=speed,
         acceleration=acceleration,
-        jerk_limit=own.jerk,
+        jerk_limit=move_limits.jerk,
         points=tuple(points),
         pauses=tuple(round(pause, 2) for pause in pauses),
     )
@@ -200,14 +200,14 @@ def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) ->
     peak, slack = float(run.metrics.peak_tension), float(run.metrics.slack_share)
     torque = max(float(np.abs(run[name]).max()) for name in ("tau_1", "tau_2"))
     speed, fastest = float(np.abs(run["v"]).max()), (1 + options.max_overshoot) * limits.speed
-    most = options.max_slack_share
-    found = [
+    largest_slack = options.max_slack_share
+    violations = [
         (peak / limits.tension - 1, f"a rope's tension of {peak:.4g} N: must be <= {limits.tension:g} N"),
         (torque / limits.torque - 1, f"a motor's torque of {torque:.4g} N m: must be <= {limits.torque:g} N m"),
         (speed / fastest - 1, f"a speed of {speed:.3g} m/s: must be <= {fastest:.3g} m/s"),
-        (slack - most, f"a rope without tension for {slack:.2%} of the run: must be <= {most:.1%}"),
+        (slack - largest_slack, f"a rope without tension for {slack:.2%} of the run: must be <= {largest_slack:.1%}"),
     ]
-    return max(found, key=lambda each: each[0])
+    return max(violations, key=lambda each: each[0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -257,14 +257,14 @@ class ExcitationDesign(UncertainEstimates):
         """Headings and rows: expected standard deviations with the present motion, and with this one."""
         rows = []
         for unknown, before, after in zip(self.unknowns, self.present_deviations, self.deviations, strict=True):
-            known = np.isfinite(before)
+            is_finite = np.isfinite(before)
             rows.append([
                 unknown.key,
                 f"{unknown.start:.6g}",
-                f"{before:.2g}" if known else "",
+                f"{before:.2g}" if is_finite else "",
                 f"{after:.2g}",
                 tables.relative(after, unknown.start),
-                f"{before / after:.3g}" if known else "",
+                f"{before / after:.3g}" if is_finite else "",
                 quantities.behind_number(unknown.unit).strip(),
             ])  # fmt: skip
         deviations = ["std. deviation, present motion", "this motion"]
@@ -406,11 +406,11 @@ def excite(
     arguments.whole_number("seed", seed, most=LARGEST_SEED)
     trials = trials or (search.max_trials if seconds is None else None)
     arguments.instance("options", options, EstimationOptions)
-    experiment, names, known = problem_of(keys, experiment, ensemble, priors)
+    experiment, names, all_priors = problem_of(keys, experiment, ensemble, priors)
     limits = motion_limits(
         experiment, track=track, speed=speed, acceleration=acceleration, torque=torque, options=search
     )
-    unknowns = unknown_parameters(names, experiment, known, options.search)
+    unknowns = unknown_parameters(names, experiment, all_priors, options.search)
     present = expected_covariance(_present_motion(experiment, duration), unknowns, None, options)
     size = motion_dimensions(duration, search)
     strategy = cmaes.CMA(np.full(size, 0.5), search.sigma, np.tile([0.0, 1.0], (size, 1)), seed=seed)
@@ -419,31 +419,31 @@ def excite(
     tried, interrupted = 0, False
 
     def evaluate(point: Floats) -> tuple[float, references.Reference | None, ExpectedCovariance]:
-        reference, there = motion_of(point, limits, duration, search), nothing._replace(violation=2.0)
+        reference, expectation = motion_of(point, limits, duration, search), nothing._replace(violation=2.0)
         if reference:
-            there = expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
-        return _cost(there, unknowns, criterion, search), reference, there
+            expectation = expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
+        return _cost(expectation, unknowns, criterion, search), reference, expectation
 
     while (trials is None or tried < trials) and (seconds is None or perf_counter() - began < seconds or not tried):
         points = [strategy.ask() for _ in range(strategy.population_size)]
         try:
-            found = executors.map_all(evaluate, points, threads)
+            evaluations = executors.map_all(evaluate, points, threads)
         except KeyboardInterrupt:
             if best[2].covariance is None:
                 raise
             interrupted = True
             break
-        strategy.tell([(point, each[0]) for point, each in zip(points, found, strict=True)])
-        best, tried = min([best, *found], key=lambda each: each[0]), tried + len(points)
+        strategy.tell([(point, each[0]) for point, each in zip(points, evaluations, strict=True)])
+        best, tried = min([best, *evaluations], key=lambda each: each[0]), tried + len(points)
         spent = 0.0 if seconds is None else (perf_counter() - began) / seconds
         progress(min(max(spent, 0.0 if trials is None else tried / trials), 1.0))
-    _, reference, there = best
-    if reference is None or there.covariance is None:
-        raise ConfigurationError(f"none of {tried} motions is within the limits; the nearest has {there.words}")
+    _, reference, expectation = best
+    if reference is None or expectation.covariance is None:
+        raise ConfigurationError(f"none of {tried} motions is within the limits; the nearest has {expectation.words}")
     return ExcitationDesign(
         experiment=with_motion(experiment, reference, duration),
         unknowns=unknowns,
-        covariance=there.covariance,
+        covariance=expectation.covariance,
         present=present.covariance,
         criterion=criterion,
         duration=duration,

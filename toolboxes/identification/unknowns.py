@@ -128,23 +128,25 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
         for key, leaf in described.items()
         if key.startswith(PREFIXES) and Mark.SHAPES_CODE_AT_ZERO in leaf.marks and not values[key]
     }
-    known = [
+    candidates = [
         key
         for key in parameter_names(structure)
         if key.startswith(PREFIXES) and not key.startswith(OVERLOADS) and key not in {*NOT_FITTED, *switches}
     ]
-    found: dict[str, None] = {}
+    keys: dict[str, None] = {}
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
-        matching = [key for key in known if fnmatchcase(key, pattern)]
+        matching = [key for key in candidates if fnmatchcase(key, pattern)]
         if not matching:
             hint = (
-                "it is true or false; --set sets it" if pattern in switches else quantities.suggestion(pattern, known)
+                "it is true or false; --set sets it"
+                if pattern in switches
+                else quantities.suggestion(pattern, candidates)
             )
             if pattern in left_out:
                 hint = f"0 leaves it out of the model; begin with an expected value, --set {pattern}=..."
             raise ConfigurationError(f"{option} {pattern}: no parameter that a log determines; {hint}")
-        found |= dict.fromkeys(matching)
-    return tuple(found)
+        keys |= dict.fromkeys(matching)
+    return tuple(keys)
 
 
 def unknown_parameters(
@@ -162,7 +164,7 @@ def unknown_parameters(
             )
     values, described, factor = leaves(experiment), description.describe_parts(experiment), options.range_factor
     typical = {each.name: getattr(options.typical, each.name) for each in fields(options.typical)}
-    found = []
+    parameters = []
     for key in keys:
         leaf, prior = described[key], priors.get(key)
         lower, upper = leaf.bounds
@@ -171,10 +173,10 @@ def unknown_parameters(
         start = prior.mean if prior else float(values[key])
         usual = next((size for part, size in typical.items() if part in key), 1.0)
         scale = prior.deviation if prior else abs(start) or usual
-        least = start / factor if lower >= 0 < start and not prior else start - factor * scale
-        ends = max(lower, least), min(upper, start + factor * scale)
-        found.append(UnknownParameter(key, leaf.quantity.unit, start, *ends, scale, prior))
-    return tuple(found)
+        lowest = start / factor if lower >= 0 < start and not prior else start - factor * scale
+        ends = max(lower, lowest), min(upper, start + factor * scale)
+        parameters.append(UnknownParameter(key, leaf.quantity.unit, start, *ends, scale, prior))
+    return tuple(parameters)
 
 
 def data_sheet_parameters(
@@ -233,7 +235,7 @@ def nuisance_parameters(
         AMPLITUDE: options.amplitude_share,
         LOAD_CELL_LAG: options.lag_share,
     }
-    values, described, found = leaves(experiment), description.describe_parts(experiment), list[UnknownParameter]()
+    values, described, parameters = leaves(experiment), description.describe_parts(experiment), list[UnknownParameter]()
     for key in estimable_keys(["*"], experiment):
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
@@ -248,16 +250,16 @@ def nuisance_parameters(
             continue
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
-        least = 0.0 if share >= 1 and key != LOAD_CELL_LAG else value / reach
-        found.append(UnknownParameter(key, unit, value, least, value * reach, share * value, prior))
-    return tuple(found)
+        lowest = 0.0 if share >= 1 and key != LOAD_CELL_LAG else value / reach
+        parameters.append(UnknownParameter(key, unit, value, lowest, value * reach, share * value, prior))
+    return tuple(parameters)
 
 
 def with_drum_friction(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
     """An experiment with drum friction of a typical share of the drum's largest torque, where it describes none."""
-    most = options.drum_friction * experiment.controller.limits.tension_max
+    friction = options.drum_friction * experiment.controller.limits.tension_max
     values = {
-        f"plant.winch_{side.number}.coulomb_friction": most * side.winch.drum_radius
+        f"plant.winch_{side.number}.coulomb_friction": friction * side.winch.drum_radius
         for side in experiment.plant.sides
         if not side.winch.coulomb_friction
     }
@@ -271,12 +273,12 @@ def with_load_cell_lag(experiment: Experiment, lag: float) -> Experiment:
 
 def with_sea(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
     """An experiment with vortices, current and changing rail load of a moderate sea, where it describes none."""
-    given = experiment.disturbance
+    disturbance = experiment.disturbance
     sea = replace(
-        given,
+        disturbance,
         vortex=True,
-        current_sigma=given.current_sigma or options.current_sigma,
-        normal_force_sigma=given.normal_force_sigma or options.normal_force_sigma,
+        current_sigma=disturbance.current_sigma or options.current_sigma,
+        normal_force_sigma=disturbance.normal_force_sigma or options.normal_force_sigma,
     )
     return replace(experiment, disturbance=sea)
 
@@ -296,18 +298,18 @@ def problem_of(
     arguments.instance("experiment", experiment, Experiment, optional=True)
     arguments.instance("ensemble", ensemble, Ensemble, str, PathLike, optional=True)
     arguments.instance("priors", priors, Mapping, optional=True)
-    known = ensemble_file.load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
-    experiment = experiment or (known.experiment if known else Experiment())
-    wanted = estimable_keys(keys, experiment)
-    given = {key: prior_of(key, prior) for key, prior in (priors or {}).items()}
-    for key in given:
+    machines = ensemble_file.load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
+    experiment = experiment or (machines.experiment if machines else Experiment())
+    fit_keys = estimable_keys(keys, experiment)
+    all_priors = {key: prior_of(key, prior) for key, prior in (priors or {}).items()}
+    for key in all_priors:
         if estimable_keys([key], experiment, "--prior") != (key,):
             raise ConfigurationError(f"--prior {key}: must be one key, without *")
-    if known:
-        given = ensemble_priors(known, experiment, without=(*wanted, *given)) | given
-    if not wanted and not given:
+    if machines:
+        all_priors = ensemble_priors(machines, experiment, without=(*fit_keys, *all_priors)) | all_priors
+    if not fit_keys and not all_priors:
         raise ConfigurationError("keys: must name at least one parameter, such as plant.vehicle.mass")
-    return experiment, (*wanted, *(key for key in given if key not in wanted)), given
+    return experiment, (*fit_keys, *(key for key in all_priors if key not in fit_keys)), all_priors
 
 
 def ensemble_priors(
@@ -317,13 +319,13 @@ def ensemble_priors(
 
     Mean and deviation are computed from quantiles of each distribution.
     """
-    values, known = leaves(experiment), set(estimable_keys(["*"], experiment)) - set(without)
-    shares, found = (np.arange(quantiles) + 0.5) / quantiles, {}
-    for key, drawn in ensemble.distributions.items():
-        if key in known:
-            draws = np.array([float(drawn.value(share, values[key])) for share in shares.tolist()])
-            found[key] = Prior(float(draws.mean()), float(draws.std()))
-    return found
+    values, candidates = leaves(experiment), set(estimable_keys(["*"], experiment)) - set(without)
+    shares, priors = (np.arange(quantiles) + 0.5) / quantiles, {}
+    for key, distribution in ensemble.distributions.items():
+        if key in candidates:
+            draws = np.array([float(distribution.value(share, values[key])) for share in shares.tolist()])
+            priors[key] = Prior(float(draws.mean()), float(draws.std()))
+    return priors
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -409,31 +411,31 @@ class SearchCoordinates:
 
     def of(self, values: Floats) -> Floats:
         """(p,) coordinates of values, within bounds."""
-        found = values / self._scale
+        coordinates = values / self._scale
         for amplitude, angle in self.waves:
             size, at = values[amplitude] / self._scale[amplitude], values[angle]
-            found[amplitude], found[angle] = size * np.cos(at), size * np.sin(at)
-        return np.clip(found, *self.bounds)
+            coordinates[amplitude], coordinates[angle] = size * np.cos(at), size * np.sin(at)
+        return np.clip(coordinates, *self.bounds)
 
     def values(self, coordinates: Floats) -> Floats:
         """(p,) values; angles within half a turn of zero."""
-        found = coordinates * self._scale
+        values = coordinates * self._scale
         for amplitude, angle in self.waves:
             cosine, sine = coordinates[amplitude], coordinates[angle]
             size = np.clip(np.hypot(cosine, sine), self._least, self.bounds[1][amplitude])
-            found[amplitude], found[angle] = size * self._scale[amplitude], np.arctan2(sine, cosine)
-        return found
+            values[amplitude], values[angle] = size * self._scale[amplitude], np.arctan2(sine, cosine)
+        return values
 
     def jacobian(self, coordinates: Floats) -> Floats:
         """(p, p) derivatives of values with respect to coordinates."""
-        found = np.diag(self._scale)
+        jacobian = np.diag(self._scale)
         for amplitude, angle in self.waves:
             at = np.arctan2(coordinates[angle], coordinates[amplitude])
             size = max(float(np.hypot(coordinates[amplitude], coordinates[angle])), self._least)
             both = np.ix_([amplitude, angle], [amplitude, angle])
             by = self._scale[amplitude]
-            found[both] = [[by * np.cos(at), by * np.sin(at)], [-np.sin(at) / size, np.cos(at) / size]]
-        return found
+            jacobian[both] = [[by * np.cos(at), by * np.sin(at)], [-np.sin(at) / size, np.cos(at) / size]]
+        return jacobian
 
     def room(self, at: Floats, way: Floats) -> float:
         """Largest factor on a direction `way` from given coordinates that remains within bounds."""
@@ -451,7 +453,7 @@ class SearchCoordinates:
 
     def _prior(self) -> tuple[Floats, Floats]:
         p = len(self._unknowns)
-        centre, rows, done = np.zeros(p), [], set[int]()
+        centre, rows, wave_indices = np.zeros(p), [], set[int]()
         for amplitude, angle in self.waves:
             size, at = self._unknowns[amplitude].prior, self._unknowns[angle].prior
             if size and at:
@@ -461,9 +463,9 @@ class SearchCoordinates:
                 row = np.zeros((2, p))
                 row[:, both] = np.linalg.inv(np.linalg.cholesky(covariance / by**2))
                 rows.append(row)
-                done |= set(both)
+                wave_indices |= set(both)
         for index, unknown in enumerate(self._unknowns):
-            if unknown.prior and index not in done:
+            if unknown.prior and index not in wave_indices:
                 row = np.zeros((1, p))
                 row[0, index] = self._scale[index] / unknown.prior.deviation
                 centre[index] = unknown.prior.mean / self._scale[index]
@@ -474,15 +476,15 @@ class SearchCoordinates:
 def _waves(unknowns: Sequence[UnknownParameter]) -> tuple[tuple[int, int], ...]:
     """Indices of amplitude and angle of every wave for which both are unknown, and both or none have a prior."""
     index = {unknown.key: number for number, unknown in enumerate(unknowns)}
-    found = []
+    waves = []
     for key, number in index.items():
         for angle, amplitude in WAVES.items():
             other = index.get(key.removesuffix(angle) + amplitude)
             if not key.endswith(f".{angle}") or other is None:
                 continue
             if bool(unknowns[other].prior) == bool(unknowns[number].prior):
-                found.append((other, number))
-    return tuple(found)
+                waves.append((other, number))
+    return tuple(waves)
 
 
 def _parts(size: Prior, at: Prior) -> tuple[Floats, Floats]:

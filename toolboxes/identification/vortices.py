@@ -59,19 +59,19 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     inputs, readings = resampled(log, experiment, options.resampling)
     width = search.smoothing / step
 
-    def known(name: str) -> Floats:
+    def series(name: str) -> Floats:
         values = readings[:, READINGS.index(name)]
-        there = np.flatnonzero(np.isfinite(values))
-        return np.interp(np.arange(len(values)), there, values[there])
+        indices = np.flatnonzero(np.isfinite(values))
+        return np.interp(np.arange(len(values)), indices, values[indices])
 
     if "x" in log.readings:
-        x = known("x")
+        x = series("x")
     else:
         drums = [side for side in sides if f"theta_{side.number}" in log.readings]
-        ways = [side.direction * side.winch.drum_radius * known(f"theta_{side.number}") for side in drums]
+        ways = [side.direction * side.winch.drum_radius * series(f"theta_{side.number}") for side in drums]
         x = np.asarray(np.mean(ways, axis=0), float)
     if {"F1", "F2"} <= set(log.readings):
-        net = known("F1") - known("F2")
+        net = series("F1") - series("F2")
     else:
         pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
         net = inputs[:, 1:3] @ pulls
@@ -152,33 +152,35 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     v, t = motion.v[rows], motion.t[rows] - log.t[0]
     q, _ = np.linalg.qr(motion.base[rows])
     net = motion.net[rows] - q @ (q.T @ motion.net[rows])
-    most, given = float(np.max(np.abs(v))), experiment.disturbance
-    left, origins = list[float](), list[float]()
+    top_speed, disturbance = float(np.max(np.abs(v))), experiment.disturbance
+    residuals, origins = list[float](), list[float]()
     shares = np.linspace(1 - search.strouhal_share, 1 + search.strouhal_share, search.strouhal_points)
     at_first_row = np.inf
     for share in shares.tolist():
         # phase per speed and time
         turn = float(
-            physics.vortex_frequency(1.0, replace(given, strouhal=share * given.strouhal), experiment.plant.vehicle)
+            physics.vortex_frequency(
+                1.0, replace(disturbance, strouhal=share * disturbance.strouhal), experiment.plant.vehicle
+            )
         )
-        before = np.arange(0.0, search.max_time_before, search.phase_step / (turn * most))
-        drag = v * np.abs(v) * (1 - given.vortex_amplitude * np.sin(turn * v * (t + before[:, np.newaxis])))
+        before = np.arange(0.0, search.max_time_before, search.phase_step / (turn * top_speed))
+        drag = v * np.abs(v) * (1 - disturbance.vortex_amplitude * np.sin(turn * v * (t + before[:, np.newaxis])))
         drag = drag - (drag @ q) @ q.T
         squares = net @ net - (drag @ net) ** 2 / np.einsum("ij,ij->i", drag, drag)
         best = int(np.argmin(squares))
-        left.append(float(squares[best]))
+        residuals.append(float(squares[best]))
         origins.append(float(before[best]))
         at_first_row = min(at_first_row, float(squares[0]))
     prior = ((shares - 1) / options.search.strouhal_share) ** 2
-    chosen = int(np.argmin(len(net) / search.rows_per_residual * np.log(left) + prior))
-    if left[chosen] > search.origin_ratio * at_first_row:
+    index = int(np.argmin(len(net) / search.rows_per_residual * np.log(residuals) + prior))
+    if residuals[index] > search.origin_ratio * at_first_row:
         return log
-    reach = search.strouhal_share * given.strouhal
-    first = SmoothedMotion(*(values[rows] if np.ndim(values) else values for values in vars(motion).values()))
-    integrated = _regression([first], experiment, reach, options, integrated=True)
-    if integrated.deviance < len(net) / search.rows_per_residual * np.log(left[chosen]):
+    reach = search.strouhal_share * disturbance.strouhal
+    beginning = SmoothedMotion(*(values[rows] if np.ndim(values) else values for values in vars(motion).values()))
+    integrated = _regression([beginning], experiment, reach, options, integrated=True)
+    if integrated.deviance < len(net) / search.rows_per_residual * np.log(residuals[index]):
         return log
-    origin = origins[chosen]
+    origin = origins[index]
     note = f"{log.name}: begins under way; its vortices are those of a run that began {origin:.3g} s before"
     return replace(log, t=log.t + origin, notes=(*log.notes, note))
 
@@ -194,26 +196,26 @@ class VortexRegression:
     Attributes:
         integrated: whether the phase is integrated.
         numbers: (n,) Strouhal numbers.
-        left: (n,) residual sum of squares with each.
+        squares: (n,) residual sum of squares with each.
         ratios: (n,) amplitudes of the vortices, over the drag.
         described: residual sum of squares with the described Strouhal number, or without vortices if none are
             described.
         rows: number of independent rows of the regression.
-        further: number of coefficients in addition to those for a phase that is not integrated.
+        extra_coefficients: their number, in addition to those for a phase that is not integrated.
     """
 
     integrated: bool
     numbers: Floats
-    left: Floats
+    squares: Floats
     ratios: Floats
     described: float
     rows: float
-    further: int
+    extra_coefficients: int
 
     @property
     def deviance(self) -> float:
-        """Deviance of the best number, plus the fall that further coefficients cause by chance."""
-        return self.rows * float(np.log(self.left.min())) + self.further
+        """Deviance of the best number, plus the fall that extra coefficients cause by chance."""
+        return self.rows * float(np.log(self.squares.min())) + self.extra_coefficients
 
 
 def vortex_regression(
@@ -244,9 +246,9 @@ def _regression(
     integrated: bool,
 ) -> VortexRegression:
     """The regression of `vortex_regression` from smoothed readings."""
-    search, given, motion = options.vortices, experiment.disturbance, joined(motions)
+    search, disturbance, motion = options.vortices, experiment.disturbance, joined(motions)
     v, net, base, drag = motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
-    per_number = physics.vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle)
+    per_number = physics.vortex_frequency(1.0, replace(disturbance, strouhal=1.0), experiment.plant.vehicle)
     turn = per_number * (motion.x if integrated else v * motion.t)  # phase by number
     ways = motion.one_way if integrated else np.ones((len(v), 1))
 
@@ -255,22 +257,26 @@ def _regression(
         return np.column_stack([ways * (drag * wave)[:, np.newaxis] for wave in waves])
 
     count = 2 + int(reach * np.max(np.abs(turn)) / search.phase_step)
-    numbers = np.linspace(max(given.strouhal - reach, 0.0), given.strouhal + reach, 2 * count + 1)
-    left, ratios = np.full(len(numbers), np.inf), np.zeros(len(numbers))
+    numbers = np.linspace(max(disturbance.strouhal - reach, 0.0), disturbance.strouhal + reach, 2 * count + 1)
+    squares, ratios = np.full(len(numbers), np.inf), np.zeros(len(numbers))
     for index, number in enumerate(numbers):
-        found, left[index] = _least_squares(np.column_stack([base, drag, vortices(number)]), net)
-        size = np.sqrt(2 * np.mean((vortices(number) @ found[3:] / drag) ** 2)) if integrated else -found[3]
-        ratios[index] = size / found[2] if found[2] > 0 else 0.0
-    known = [drag, vortices(given.strouhal)] if given.vortex and integrated == given.integrated_phase else [drag]
-    _, described = _least_squares(np.column_stack([base, *known]), net)
-    rows, further = len(net) / search.rows_per_residual, len(ways.T) * (1 + integrated) - 1
-    return VortexRegression(integrated, numbers, left, ratios, described, rows, further)
+        coefficients, squares[index] = _least_squares(np.column_stack([base, drag, vortices(number)]), net)
+        size = (
+            np.sqrt(2 * np.mean((vortices(number) @ coefficients[3:] / drag) ** 2)) if integrated else -coefficients[3]
+        )
+        ratios[index] = size / coefficients[2] if coefficients[2] > 0 else 0.0
+    regressors = [drag]
+    if disturbance.vortex and integrated == disturbance.integrated_phase:
+        regressors.append(vortices(disturbance.strouhal))
+    _, described = _least_squares(np.column_stack([base, *regressors]), net)
+    rows, extra_coefficients = len(net) / search.rows_per_residual, len(ways.T) * (1 + integrated) - 1
+    return VortexRegression(integrated, numbers, squares, ratios, described, rows, extra_coefficients)
 
 
 def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:
     """Coefficients, and the residual sum of squares."""
-    found = np.asarray(np.linalg.lstsq(rows, values)[0], float)
-    return found, float(np.sum((values - rows @ found) ** 2))
+    coefficients = np.asarray(np.linalg.lstsq(rows, values)[0], float)
+    return coefficients, float(np.sum((values - rows @ coefficients) ** 2))
 
 
 def vortex_starts(
@@ -281,24 +287,27 @@ def vortex_starts(
     These are the minima of the residual sum of squares with a positive amplitude, of which longer logs have more,
     without those clearly above the least.
     """
-    found = vortex_regression(logs, experiment, reach, options)
-    if found is None:
+    regression = vortex_regression(logs, experiment, reach, options)
+    if regression is None:
         return []
-    left, ratios, most = found.left, found.ratios, options.vortices.near_best_ratio * found.left.min()
-    lowest = np.r_[False, (left[1:-1] < left[:-2]) & (left[1:-1] <= left[2:]), False] & (ratios > 0)
-    likely = np.flatnonzero(lowest & (left < most))
-    return [(float(found.numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
+    squares, ratios = regression.squares, regression.ratios
+    bound = options.vortices.near_best_ratio * squares.min()
+    lowest = np.r_[False, (squares[1:-1] < squares[:-2]) & (squares[1:-1] <= squares[2:]), False] & (ratios > 0)
+    likely = np.flatnonzero(lowest & (squares < bound))
+    return [(float(regression.numbers[each]), float(ratios[each])) for each in likely[np.argsort(squares[likely])]]
 
 
 def likelier_regression(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> VortexRegression | None:
     """The regression with the described kind of phase, or with the other kind if that is clearly likelier."""
-    given = experiment.disturbance.integrated_phase
-    own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
-    if own and other and other.deviance < own.deviance - options.vortices.min_phase_deviance_fall:
+    described = experiment.disturbance.integrated_phase
+    regression, other = (
+        vortex_regression(logs, experiment, reach, options, integrated=each) for each in (described, not described)
+    )
+    if regression and other and other.deviance < regression.deviance - options.vortices.min_phase_deviance_fall:
         return other
-    return own
+    return regression
 
 
 def likelier_phase(
@@ -308,19 +317,19 @@ def likelier_phase(
 
     As the experiment describes, unless logs clearly contradict it.
     """
-    found = likelier_regression(logs, experiment, reach, options)
-    return found.integrated if found else experiment.disturbance.integrated_phase
+    regression = likelier_regression(logs, experiment, reach, options)
+    return regression.integrated if regression else experiment.disturbance.integrated_phase
 
 
 def shows_other_vortices(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> bool:
     """Whether vortices that are not described, or of another Strouhal number or kind of phase, fit logs better."""
-    search, given = options.vortices, experiment.disturbance
-    found = likelier_regression(logs, experiment, reach, options)
-    if found is None or found.left.min() > search.better_ratio * found.described:
+    search, disturbance = options.vortices, experiment.disturbance
+    regression = likelier_regression(logs, experiment, reach, options)
+    if regression is None or regression.squares.min() > search.better_ratio * regression.described:
         return False
-    number = float(found.numbers[np.argmin(found.left)])
-    if not given.vortex or found.integrated != given.integrated_phase:
+    number = float(regression.numbers[np.argmin(regression.squares)])
+    if not disturbance.vortex or regression.integrated != disturbance.integrated_phase:
         return True
-    return abs(number - given.strouhal) > search.same_strouhal * given.strouhal
+    return abs(number - disturbance.strouhal) > search.same_strouhal * disturbance.strouhal
