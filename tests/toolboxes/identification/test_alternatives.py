@@ -1,7 +1,7 @@
 """Named alternatives: chosen by name, compared by a criterion, and a user's own."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +14,8 @@ from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.identification.alternatives import ALTERNATIVES, Alternative, selected
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.identify import identify
+from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.identification.unknowns import nuisance_parameters
 from tests.toolboxes.identification.conftest import logged, machine
 
 
@@ -85,3 +87,25 @@ def test_an_interruption_keeps_the_fits_so_far(monkeypatch: pytest.MonkeyPatch) 
     assert found.interrupted
     assert [each.alternatives for each in found.models] == [()]
     assert "interrupted: other alternatives were not compared" in found.notes
+
+
+@pytest.mark.parametrize(("density", "sea"), [(1000.0, True), (1.2, False)])
+def test_a_sea_is_an_alternative_in_water_alone(density: float, sea: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    kinds: list[frozenset[str]] = []
+
+    def screening(*arguments: Any) -> None:
+        kinds.append(arguments[-1])
+        raise InterruptedError
+
+    monkeypatch.setattr("dualwinch.toolboxes.identification.identify.LogScreening", screening)
+    plant = machine(simulation__duration=1.0, plant__vehicle__water_density=density)
+    with pytest.raises(InterruptedError):
+        identify(logged(plant), "plant.vehicle.mass", plant)
+    assert ("sea" in kinds[0]) == sea
+
+
+def test_without_a_share_there_are_no_nuisance_parameters() -> None:
+    fixed = replace(DEFAULTS.search, nuisance_share=0.0, friction_share=0.0)
+    keys = {each.key for each in nuisance_parameters([], machine(), fixed)}
+    assert not any("inertia" in key or "friction" in key or "damping" in key for key in keys)
+    assert nuisance_parameters([], machine(), DEFAULTS.search)
