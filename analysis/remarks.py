@@ -18,6 +18,7 @@ from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.linear.modes import Mode
 from dualwinch.model.plant import is_distributed
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.streamed import EnsembleStatistics
@@ -157,7 +158,8 @@ def without_effect(experiment: Experiment, own: Collection[str]) -> list[str]:
     `own` are the keys that the user has set; zeros and values equal to the default are left out. Nothing is said of an
     experiment that cannot run, or that has another error.
     """
-    values, usual = leaves(experiment), leaves(Experiment())
+    defaults = {key: leaf.default for key, leaf in describe_parts(experiment).items()}
+    values, usual = leaves(experiment), defaults | leaves(Experiment())
     changed = {key: values[key] for key in set(own) - DRAWN if values.get(key) and values[key] != usual.get(key)}
     if not changed:
         return []

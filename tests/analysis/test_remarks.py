@@ -21,6 +21,7 @@ from dualwinch.analysis.remarks import (
 from dualwinch.analysis.resonance import matched_damping
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -209,6 +210,11 @@ def test_values_of_absent_effects_are_said_to_have_none(settings: dict[str, floa
     found = without_effect(override(SHORT, settings), list(settings))
     assert found[0].startswith(said)
     assert len(found) == len(set(settings.values()))
+
+
+def test_nothing_is_said_of_defaults_of_parts_that_the_usual_experiment_lacks() -> None:
+    filtered = override(SHORT, {"controller.estimator": "self-calibrating-kalman", "sensors.position_noise": 1e-3})
+    assert without_effect(filtered, list(leaves(filtered))) == []
 
 
 @pytest.mark.parametrize(
