@@ -150,20 +150,20 @@ def identify(
     arguments.whole_number("starts", starts, 1)
     arguments.whole_number("seed", seed)
     arguments.instance("options", options, EstimationOptions)
-    experiment, names, known = problem_of(keys, experiment, ensemble, priors)
-    given = _logs(logs, columns, csv)  # before all work, so that a wrong file is told at once
+    experiment, names, all_priors = problem_of(keys, experiment, ensemble, priors)
+    recordings = _logs(logs, columns, csv)  # before all work, so that a wrong file is told at once
     profiled = estimable_keys(arguments.texts("profiles", profiles), experiment, "--profile")
-    if missing := [key for key in profiled if key not in names]:
-        raise ConfigurationError(f"--profile {missing[0]}: is not fitted; add it to --fit")
-    unknowns = unknown_parameters(names, experiment, known, options.search)
+    if extras := [key for key in profiled if key not in names]:
+        raise ConfigurationError(f"--profile {extras[0]}: is not fitted; add it to --fit")
+    unknowns = unknown_parameters(names, experiment, all_priors, options.search)
     kinds = _kinds(arguments.texts("alternatives", alternatives), arguments.texts("without", without))
     kinds = kinds - {UndescribedSea.kind} if forces or _in_gas(experiment) else kinds
-    given = _checked_logs(given, experiment, options)
+    recordings = _checked_logs(recordings, experiment, options)
     if StartUnderWay.kind in kinds and not plain:
-        given = [with_vortex_origin(log, experiment, options) for log in given]
-    parts = [log.between_gaps(options.resampling.max_gap, options.resampling.min_rows) for log in given]
-    found = [part for each in parts for part in each]
-    split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
+        recordings = [with_vortex_origin(log, experiment, options) for log in recordings]
+    parts = [log.between_gaps(options.resampling.max_gap, options.resampling.min_rows) for log in recordings]
+    pieces = [part for each in parts for part in each]
+    split = [log.split(hold_out) for log in pieces] if hold_out else [(log, None) for log in pieces]
     sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
 
     forward = _Forward(progress)
@@ -175,13 +175,13 @@ def identify(
     method, n = model.method, len(unknowns)
     estimates = [*multistart(method, model.estimate, n, starts, seed, forward, workers), *model.optima]
     estimates = sorted(estimates, key=lambda each: each.deviance)
-    excess, recorded = plausible(estimates[0]), {name for log in given for name in log.readings}
+    excess, recorded = plausible(estimates[0]), {name for log in recordings for name in log.readings}
     alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], recorded)
     fitted, sheet = method.filters.sections, method.unknowns[len(model.method.unknowns) :]
     torques, diagnostics = [section.torques for section in fitted], options.diagnostics
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
-    kept = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
-    held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
+    end_sections = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
+    held_out = method.filters_of(end_sections).whitened_innovations(best.experiment, best.noise) if end_sections else []
     information = marginal(best.information, method.unknowns, n)
     perfect = covariance_of(marginal(alone.information, model.method.unknowns, n), unknowns)
     whiteness = whiteness_tests(innovations, torques, diagnostics)
@@ -192,12 +192,12 @@ def identify(
     values, covariance = model.averaged(
         best.values[:n], precise * np.outer(wider[:n], wider[:n]), by_sheets=precise - perfect
     )
-    along = replace(model, method=method, estimate=best).along(n, wider)
+    by_key = replace(model, method=method, estimate=best).along(n, wider)
     sheet_keys = {each.key for each in sheet}
     return IdentificationResult(
         experiment=with_leaves(
             experiment,
-            {key: pair[0] for key, pair in along.items() if key not in sheet_keys and not key.startswith("recorder.")}
+            {key: pair[0] for key, pair in by_key.items() if key not in sheet_keys and not key.startswith("recorder.")}
             | dict(zip(names, values.tolist(), strict=True)),
         ),
         unknowns=unknowns,
@@ -207,10 +207,10 @@ def identify(
         noise=_sensor_noise(fitted, best),
         process_noise=best.noise.process_of(best.experiment.plant.vehicle),
         whiteness=whiteness,
-        held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
+        held_out=whiteness_tests(held_out, [section.torques for section in end_sections], diagnostics),
         innovations=rms_innovations(innovations, model.experiment.simulation.sample_time, diagnostics),
-        logs=tuple(log.name for log in found),
-        duration=sum(log.duration for log in found),
+        logs=tuple(log.name for log in pieces),
+        duration=sum(log.duration for log in pieces),
         passes=method.passes,
         converged=best.converged,
         optima=distinct_optima(
@@ -224,15 +224,15 @@ def identify(
         seconds=perf_counter() - began,
         options=options,
         profiles=likelihood_profiles(method, best, profiled, workers),
-        forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
+        forces=tuple(smoothed_force(method, log, best) for log in pieces) if forces else (),
         excess=(
-            *(note for log in given for note in log.notes),
+            *(note for log in recordings for note in log.notes),
             *(gap_note(each) for each in parts if len(each) > 1),
             *model.notes(experiment),
             *excess,
         ),
-        along={key: pair for key, pair in along.items() if key not in sheet_keys},
-        data_sheet={key: pair for key, pair in along.items() if key in sheet_keys},
+        along={key: pair for key, pair in by_key.items() if key not in sheet_keys},
+        data_sheet={key: pair for key, pair in by_key.items() if key in sheet_keys},
         sheet_shares=np.clip(1 - np.diag(perfect) / np.diag(precise), 0.0, 1.0),
         widened=float(wider[:n].max(initial=1.0)),
         models=selection.evidence(model),

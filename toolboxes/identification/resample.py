@@ -76,10 +76,10 @@ def sections_of(
     sections: list[LogSection] = []
     for log in logs:
         inputs, readings = resampled(log, experiment, options)
-        whole = [slice(0, len(readings))]
+        all_samples = [slice(0, len(readings))]
         sections += [
             LogSection(log.name, np.ascontiguousarray(inputs[rows]), np.ascontiguousarray(readings[rows]))
-            for rows in (whole if standstill else moving_intervals(readings, experiment, options))
+            for rows in (all_samples if standstill else moving_intervals(readings, experiment, options))
         ]
     return tuple(sections)
 
@@ -99,7 +99,7 @@ def resampled(
     """
     if len(log.t) < options.min_rows:
         raise ConfigurationError(f"{log.name}: has {len(log.t)} rows: must be {options.min_rows} or more")
-    step, late = experiment.simulation.sample_time, experiment.simulation.delay_samples
+    step, delay = experiment.simulation.sample_time, experiment.simulation.delay_samples
     recorder = experiment.recorder if isinstance(experiment, RecordedExperiment) else None
     numbers, elapsed = np.rint((log.t - log.t[0]) / step).astype(int), log.t - log.t[0]
     if recorder:
@@ -108,19 +108,19 @@ def resampled(
         numbers -= recorder.steps * (numbers[0] // recorder.steps)
     count = int(numbers[-1]) + 1
     commands = recorder.steps * (numbers // recorder.steps) if recorder else numbers
-    held = np.column_stack([_held_torque(log, name, commands, count, step, options) for name in TORQUES])
-    torques, shares = held, np.ones_like(held)
+    commanded = np.column_stack([_held_torque(log, name, commands, count, step, options) for name in TORQUES])
+    torques, shares = commanded, np.ones_like(commanded)
     if options.torque_rows:
-        torques, shares = _between_rows(held, numbers, options, step)
+        torques, shares = _between_rows(commanded, numbers, options, step)
     rows, in_steps = np.full((len(log.t), len(READINGS)), np.nan), counting(experiment.sensors)
     for column, name in enumerate(READINGS):
         # if there is an angle too, a drum speed is most likely its difference, half a sample late
         is_difference = name.startswith("omega") and name.replace("omega", "theta") in log.readings
         if name in log.columns and not is_difference:
             values = log.columns[name]
-            kept = np.isfinite(values)
-            fresh = _counted(values[kept]) if name in in_steps else _without_repeats(values[kept], options.repeats)
-            rows[kept, column] = fresh
+            mask = np.isfinite(values)
+            fresh = _counted(values[mask]) if name in in_steps else _without_repeats(values[mask], options.repeats)
+            rows[mask, column] = fresh
     readings = np.full((count, len(READINGS)), np.nan)
     if recorder:  # the rows of a sample have different times: the one with most readings is used
         fullest = _fullest(numbers, np.isfinite(rows).sum(axis=1))
@@ -137,9 +137,9 @@ def resampled(
         at_row = np.zeros((count, 0))
     t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
     durations = np.diff(t, append=t[-1] + step)
-    arrived = torques[: count - late] if late else torques
-    inputs = np.column_stack([t[late:], arrived, durations[late:], shares[: len(arrived)], at_row[late:]])
-    return np.ascontiguousarray(inputs), np.ascontiguousarray(readings[late:])
+    arrived = torques[: count - delay] if delay else torques
+    inputs = np.column_stack([t[delay:], arrived, durations[delay:], shares[: len(arrived)], at_row[delay:]])
+    return np.ascontiguousarray(inputs), np.ascontiguousarray(readings[delay:])
 
 
 def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Floats:
@@ -219,11 +219,11 @@ def _counted(values: Floats) -> Floats:
     if not len(changes):
         fresh[:1] = values[:1]
         return fresh
-    moved = np.diff(values)[changes - 1]
-    count = np.abs(moved).min()
+    jumps = np.diff(values)[changes - 1]
+    count = np.abs(jumps).min()
     since = np.diff(changes, prepend=0).astype(float)
-    single = np.abs(moved) < 1.5 * count
-    edge = np.where(single, np.sign(moved) * count / 2 * (1 - 1 / np.maximum(since, 1.0)), 0.0)
+    single = np.abs(jumps) < 1.5 * count
+    edge = np.where(single, np.sign(jumps) * count / 2 * (1 - 1 / np.maximum(since, 1.0)), 0.0)
     fresh[changes] = values[changes] - edge
     return fresh
 
@@ -236,9 +236,9 @@ def moving_intervals(
     A single interval of all samples if no drum has Coulomb friction, or the machine hardly moves.
     """
     winches, step = (experiment.plant.winch_1, experiment.plant.winch_2), experiment.simulation.sample_time
-    whole = [slice(0, len(readings))]
+    all_samples = [slice(0, len(readings))]
     if not any(winch.coulomb_friction for winch in winches):
-        return whole
+        return all_samples
     positions = {"theta_1": winches[0].drum_radius, "theta_2": winches[1].drum_radius, "x": 1.0}
     for name, radius in positions.items():
         values = radius * readings[:, READINGS.index(name)]
@@ -246,11 +246,11 @@ def moving_intervals(
         if len(rows) > 1:
             break
     else:
-        return whole
+        return all_samples
     half = max(1, round(options.standstill_window / 2 / step))
     position = np.interp(np.arange(-half, len(values) + half), rows, values[rows])
     fast = np.abs(position[2 * half :] - position[: -2 * half]) > options.standstill_speed * 2 * half * step
     edges = np.flatnonzero(np.diff(fast.astype(int), prepend=0, append=0))
     moves = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.min_move_time]
     moving = sum(each.stop - each.start for each in moves) * step
-    return moves if moving >= options.min_moving_time else whole
+    return moves if moving >= options.min_moving_time else all_samples

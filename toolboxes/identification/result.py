@@ -139,12 +139,12 @@ class IdentificationResult(UncertainEstimates):
         """
         normal = np.random.default_rng(seed).standard_normal((draws, len(self.values)))
         size, ways = np.linalg.eigh(self.correlation)  # in units of the deviations, for conditioning
-        drawn = self.values + self.deviations * (normal @ (np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T))
+        samples = self.values + self.deviations * (normal @ (np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T))
         distributions = {
             unknown.key: ensembles.Drawn(
                 ensembles.Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted"
             )
-            for unknown, column in zip(self.unknowns, drawn.T, strict=True)
+            for unknown, column in zip(self.unknowns, samples.T, strict=True)
         }
         logs = ", ".join(self.logs)
         description = f"machines consistent with {logs}: {draws} draws of the estimates' errors, seed {seed}"
@@ -161,10 +161,10 @@ class IdentificationResult(UncertainEstimates):
     @property
     def tables(self) -> list[Table]:
         """Headings and rows of all tables: estimates, sensors and, if any, optima and profiles."""
-        found = [self._estimates_table(), self._sensors_table()]
-        found += [self._optima_table()] if len(self.optima) > 1 else []
-        found += [self._models_table()] if len(self.models) > 1 else []
-        return found + ([self._profiles_table()] if self.profiles else [])
+        tables = [self._estimates_table(), self._sensors_table()]
+        tables += [self._optima_table()] if len(self.optima) > 1 else []
+        tables += [self._models_table()] if len(self.models) > 1 else []
+        return tables + ([self._profiles_table()] if self.profiles else [])
 
     def _estimates_table(self) -> Table:
         rows, shares = [], self.sheet_shares if len(self.sheet_shares) else np.zeros(len(self.values))
@@ -185,12 +185,14 @@ class IdentificationResult(UncertainEstimates):
         return [*headings, *(["of its variance, sensors'"] if self.data_sheet else []), "unit"], rows
 
     def _sensors_table(self) -> Table:
-        rows, held = [], {test.name: test for test in self.held_out}
+        rows, end_tests = [], {test.name: test for test in self.held_out}
         for test in self.whiteness:
             row = [test.name, f"{test.count}", f"{self.noise.get(test.name, math.nan):.3g}", test.words]
-            rows.append(row + ([f"{held[test.name].variance:.3f}" if test.name in held else ""] if held else []))
+            rows.append(
+                row + ([f"{end_tests[test.name].variance:.3f}" if test.name in end_tests else ""] if end_tests else [])
+            )
         headings = ["sensor", "readings", "noise (std. deviation)", "innovations"]
-        return headings + (["normalised variance, held out"] if held else []), rows
+        return headings + (["normalised variance, held out"] if end_tests else []), rows
 
     def _optima_table(self) -> Table:
         rows = [
@@ -334,8 +336,8 @@ class IdentificationResult(UncertainEstimates):
             )
             estimates.set_yticks(rows, [*map(_estimate_label, self.unknowns, values.tolist(), deviations.tolist())])
             estimates.set_ylim(len(rows) - 0.5, -0.5)
-            known = any(unknown.prior for unknown in self.unknowns)
-            estimates.set_xlabel("change, % of " + ("the prior deviation" if known else "the start"))
+            has_priors = any(unknown.prior for unknown in self.unknowns)
+            estimates.set_xlabel("change, % of " + ("the prior deviation" if has_priors else "the start"))
             self._draw_innovations(sensors)
         return page.figure
 
@@ -345,7 +347,7 @@ class IdentificationResult(UncertainEstimates):
         Colours end where root mean squares deviate from 1 by `shown`.
         """
         names, verdicts = list(self.innovations), {test.name: test.words for test in self.whiteness}
-        drawn = axes.pcolormesh(
+        mesh = axes.pcolormesh(
             next(iter(self.innovations.values()))[0],
             range(len(names)),
             np.array([self.innovations[name][1] for name in names]),
@@ -359,7 +361,7 @@ class IdentificationResult(UncertainEstimates):
         axes.set_yticks(range(len(names)), labels)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xlabel("time in motion (s)")
-        axes.figure.colorbar(drawn, ax=axes, extend="both", label="innovations, RMS (1: as expected)")
+        axes.figure.colorbar(mesh, ax=axes, extend="both", label="innovations, RMS (1: as expected)")
 
 
 def _digits(value: float, deviation: float) -> int:

@@ -70,15 +70,15 @@ def excite(
 
     search = DEFAULTS.excitation
     length = options.seconds_from(duration, "--duration", search.min_duration, search.max_duration)
-    known = dict(map(prior_from, prior or []))
+    key_priors = dict(map(prior_from, prior or []))
     limit = options.seconds_from(time)
     output.check_file(out, ".toml")
     with ProgressLine("searching", command="excite", patient=True) as progress:
-        found = excite(
+        design = excite(
             fit,
             None if ensemble else given.experiment(),
             ensemble=given.ensemble(ensemble) if ensemble else None,
-            priors=known,
+            priors=key_priors,
             track=track,
             speed=speed,
             acceleration=acceleration,
@@ -89,10 +89,12 @@ def excite(
             **options.stated(duration=length, criterion=criterion, seed=seed),
         )
     if json:
-        output.print_json(found.to_record() | output.version_notes())
+        output.print_json(design.to_record() | output.version_notes())
     else:
-        output.terminal(soft_wrap=True).print(repr(found), highlight=False)
-    output.write_text(out, lambda: experiment_file.to_toml(found.experiment))
-    output.write_figure(plot, found.plot)
-    if found.interrupted:
-        raise KeyboardInterrupt(f"this is the best of {found.tried} motions; the same call searches from the beginning")
+        output.terminal(soft_wrap=True).print(repr(design), highlight=False)
+    output.write_text(out, lambda: experiment_file.to_toml(design.experiment))
+    output.write_figure(plot, design.plot)
+    if design.interrupted:
+        raise KeyboardInterrupt(
+            f"this is the best of {design.tried} motions; the same call searches from the beginning"
+        )

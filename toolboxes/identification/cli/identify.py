@@ -106,24 +106,24 @@ def identify(
     if not fit:
         raise ConfigurationError("--fit: give keys to estimate, e.g. --fit plant.vehicle.mass")
     share = options.share_from(hold_out, "--hold-out", 0.2, zero=True)
-    most = options.share_from(unrecorded, "--unrecorded", 0.2, zero=True)
-    known = dict(map(prior_from, prior or []))
+    limit = options.share_from(unrecorded, "--unrecorded", 0.2, zero=True)
+    key_priors = dict(map(prior_from, prior or []))
     output.check_file(out, ".toml")
     output.check_file(disturbance, *file_formats.FORMATS)
     with ProgressLine("fitting", command="identify") as progress, where.workers(progress) as workers:
-        found = identify(
+        result = identify(
             logs,
             fit,
             None if ensemble else given.experiment(),
             ensemble=given.ensemble(ensemble) if ensemble else None,
-            priors=known,
+            priors=key_priors,
             columns=column or [],
             csv=csv,
             seed=seed,
             profiles=profile or [],
             forces=disturbance is not None,
             workers=workers,
-            unrecorded=most,
+            unrecorded=limit,
             progress=progress,
             plain=plain,
             alternatives=alternatives or [],
@@ -131,27 +131,27 @@ def identify(
             options=options_with(data_sheet or []),
             **options.stated(hold_out=share, starts=starts),
         )
-    left_out = idealisations.idealisations(found.experiment)
-    facts = found.to_record() | {"idealisations": [asdict(one) for one in left_out]} | output.version_notes()
+    left_out = idealisations.idealisations(result.experiment)
+    facts = result.to_record() | {"idealisations": [asdict(one) for one in left_out]} | output.version_notes()
     if json:
         output.print_json(facts)
     else:
-        output.terminal(soft_wrap=True).print(repr(found), highlight=False)
+        output.terminal(soft_wrap=True).print(repr(result), highlight=False)
         output.print_idealisations(left_out)
     if out:
-        output.write_text(out, lambda: experiment_file.to_toml(found.experiment))
-        drawn = out.with_name(f"{out.stem}-ensemble.toml")
-        output.write_text(drawn, lambda: ensemble_file.ensemble_to_toml(found.ensemble(out.stem, seed)))
+        output.write_text(out, lambda: experiment_file.to_toml(result.experiment))
+        ensemble_path = out.with_name(f"{out.stem}-ensemble.toml")
+        output.write_text(ensemble_path, lambda: ensemble_file.ensemble_to_toml(result.ensemble(out.stem, seed)))
         output.write_json(out.with_suffix(".json"), facts)
     if disturbance:
-        for file in write_forces(disturbance, found):
+        for file in write_forces(disturbance, result):
             output.wrote(file)
-    output.write_figure(plot, found.plot)
-    if found.interrupted:
+    output.write_figure(plot, result.plot)
+    if result.interrupted:
         raise KeyboardInterrupt
 
 
-def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
+def write_forces(file: Path, result: IdentificationResult) -> list[Path]:
     """Write the force on the vehicle in each log, for ``disturbance.force.file``.
 
     Returns:
@@ -159,9 +159,9 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     """
     from dualwinch.toolbox import file_formats
 
-    many = len(found.forces) > 1
-    files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(found.forces) + 1)]
-    for path, force in zip(files, found.forces, strict=True):
+    many = len(result.forces) > 1
+    files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(result.forces) + 1)]
+    for path, force in zip(files, result.forces, strict=True):
         file_formats.format_of(path).write(force.content, path)
     return files
 
