@@ -159,7 +159,7 @@ def best_gains(problem: TuningProblem, trials: Sequence[Evaluation], verdict: Se
         axes.tick_params(axis="y", length=0)
         for spine in axes.spines.values():
             spine.set_visible(False)
-        axes.set(ylim=(len(dimensions) - 0.5, -0.5), xlim=(-0.12, 1.12))
+        axes.set(ylim=(len(dimensions) - 0.5, -0.5), xlim=(-0.2, 1.12))
         page.legend()
     return page.figure
 
@@ -275,7 +275,11 @@ def distributions(verdict: SelectionResult) -> Figure | None:
     with new_page(None, 4.6, "Test set", words) as page:
         for axes, metric in zip(page.panels(2, 2, "C"), DISTRIBUTED, strict=True):
             quantity = metric_quantities()[metric]
-            values = {name: quantity.scale * _completed(verdict, name, metric) for name in COLOURS}
+            factor, axis = quantity.scale, quantity.axis
+            if quantity.shown_unit == "N":
+                size, unit = prefixed_unit("N", *(largest(_completed(verdict, name, metric)) for name in COLOURS))
+                factor, axis = 1 / size, f"{quantity.label} ({unit})"
+            values = {name: factor * _completed(verdict, name, metric) for name in COLOURS}
             everything = np.concatenate(list(values.values()))
             log = bool(len(everything)) and everything.min() > 0 and everything.max() > 20 * everything.min()
             span = (np.log10(everything) if log else everything) if len(everything) else np.zeros(1)
@@ -283,7 +287,7 @@ def distributions(verdict: SelectionResult) -> Figure | None:
             for name, colour in COLOURS.items():
                 axes.hist(values[name], 10**edges if log else edges, color=colour, alpha=0.7, histtype="stepfilled")
             axes.set_xscale("log" if log else "linear")
-            axes.set(xlabel=quantity.axis, ylabel="scenarios")
+            axes.set(xlabel=axis, ylabel="scenarios")
         named = _named(verdict)
         page.legend(*(Patch(facecolor=colour, alpha=0.7, label=named[name]) for name, colour in COLOURS.items()))
     return page.figure

@@ -11,7 +11,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.reports.tuning import costs
+from dualwinch.reports.tuning import costs, next_steps
 from dualwinch.tuning import tune as tuning
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.options import TuningOptions
@@ -40,6 +40,7 @@ from dualwinch.tuning.result import (
     worth,
 )
 from dualwinch.tuning.scoring import clock, scorer
+from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.progress import (
     CERTIFYING,
     PHASES,
@@ -376,19 +377,34 @@ def test_ratios_in_words_never_call_more_less(ratio: float, words: str) -> None:
 
 def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
     problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
+    shown = distributions(verdict)
     drawn = (
         tuned.plot(),
         importance(problem, trials),
         best_gains(problem, trials, verdict),
         front(problem, tuned.training.constraints, trials),
         before_and_after(problem, verdict),
-        distributions(verdict),
+        shown,
     )
+    assert shown
+    assert "peak tension (kN)" in {axes.get_xlabel() for axes in shown.axes}
     for figure in drawn:
         assert figure
         assert figure.texts[0].get_text()
         assert all(axes.lines or axes.patches for axes in figure.axes)
     assert sum(importances(problem, trials).values()) == pytest.approx(1)
+
+
+def test_only_gains_that_hold_are_recommended_for_hardware(tuned: TuningResult) -> None:
+    def recommended(certificate: SampleCertificate) -> bool:
+        verdict = replace(tuned.verdict, certificate=certificate, obstacle="", contradiction="")
+        steps = next_steps(replace(tuned, verdict=verdict), Path("tuned"))
+        return any("hardware" in words for words, _ in steps)
+
+    certificate = SampleCertificate(violation=0.005, confidence=0.95, draws=1000, machines=59)
+    assert recommended(certificate)
+    assert not recommended(replace(certificate, violations=30))
+    assert not recommended(replace(certificate, means={"mean.chatter": 0.01}))
 
 
 def test_the_chosen_gains_are_drawn_and_no_others_are_called_the_best(tuned: TuningResult) -> None:
