@@ -15,7 +15,7 @@ from dualwinch.model.friction import bristle_rate
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.ropes import Track
-from dualwinch.model.scalar import Scalar, absolute, exp, present, sign, sin, tanh
+from dualwinch.model.scalar import Scalar, absolute, exp, present, sign, sin, sqrt, tanh
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,12 @@ class Vehicle:
     water_density: Annotated[NonNegative, Quantity("kg/m^3", "density of the water", "Table 1"), Mark.OFF_AT_ZERO] = (
         1000.0
     )
+    cross_current: Annotated[
+        NonNegative,
+        Quantity("m/s", "speed of a steady current across the track; drag follows the whole flow", "A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+        Mark.UNKNOWN,
+    ] = 0.0
     normal_force: Annotated[NonNegative, Quantity("N", "mean force on the rail", "Table 1"), Mark.OFF_AT_ZERO] = 4.9e3
     friction_coefficient: Annotated[
         NonNegative, Quantity("1", "Coulomb friction on the rail", "A3"), Mark.OFF_AT_ZERO
@@ -120,5 +126,10 @@ def rail_friction(
 
 
 def drag(v: Scalar, vehicle: Vehicle) -> Scalar:
-    """Drag F_w in N at the speed v in m/s through the water; opposes motion (paper Section 2.3, E2, A4)."""
-    return 0.5 * vehicle.drag_coefficient * vehicle.water_density * vehicle.drag_area * v * absolute(v)
+    """Drag F_w in N at the speed v in m/s through the water; opposes motion (paper Section 2.3, E2, A4).
+
+    With a current across the track, the component along the track of the drag on the whole flow (Morison's equation).
+    """
+    across = vehicle.cross_current
+    flow = sqrt(v * v + across * across) if present(across) else absolute(v)
+    return 0.5 * vehicle.drag_coefficient * vehicle.water_density * vehicle.drag_area * v * flow

@@ -23,6 +23,13 @@ def test_numbers_at_cruise_speed() -> None:
     assert drag(1.8, VEHICLE) == pytest.approx(0.5 * 0.3 * 1000 * 6 * 1.8**2)
 
 
+def test_a_current_across_the_track_adds_to_the_flow() -> None:
+    """3 m/s along and 4 m/s across are a flow of 5 m/s, of whose drag 3/5 act along the track."""
+    crossed = replace(VEHICLE, cross_current=4.0)
+    assert drag(3.0, crossed) == pytest.approx(0.5 * 0.3 * 1000 * 6 * 5**2 * 3 / 5)
+    assert drag(0.0, crossed) == 0
+
+
 @given(speeds, st.floats(-4000, 4000))
 def test_rail_load_scales_the_friction(v: float, load: float) -> None:
     share = (4900 + load) / 4900
