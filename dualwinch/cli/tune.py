@@ -10,6 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -153,6 +154,7 @@ def tune(
         dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
         dualwinch tune --ensemble rig --trials 5000 --cluster tcp://scheduler:8786
     """
+    began = perf_counter()
     with ProgressLine("reading the problem", command="tune") as line:
         check_options(options)
         from dualwinch.tuning.tuning_problem import check_words, tuning_problem
@@ -177,7 +179,7 @@ def tune(
         if problem.ensemble and ensemble:
             note(*of_machine(ensemble, problem.ensemble, machine.config, machine.case, machine.values))
         following = next_line(options.out / "best.toml", ensemble, machine)
-        run_study(problem, options, line, machine.plugin, following, machine.config)
+        run_study(problem, options, line, machine.plugin, following, machine.config, began)
         if options.stress:
             stress_best(options.out, ensemble, seed, machine.plugin)
         line.say(f"next: {following}")
@@ -236,11 +238,13 @@ def run_study(
     plugins: list[str] | None = None,
     following: str = "",
     config: Path | None = None,
+    began: float | None = None,
 ) -> TuningResult:
     """Check the problem and files, then search, select, score, write and print.
 
     Printed commands about the best gains load the `plugins`; the report ends with the command `following`. Values that
-    the experiment's file `config` marks as right are marked in the best gains' as well.
+    the experiment's file `config` marks as right are marked in the best gains' as well. `began` is when the command
+    did, by `time.perf_counter`.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
@@ -271,6 +275,7 @@ def run_study(
                         f"up to {seconds:g} s of search, after preparing and compiling; then certificate and scores: "
                         f"at most {(1 + TIME_SHARE) * seconds + TIME_MORE:.0f} s in all from the search's beginning"
                     )
+                before = perf_counter()
                 tuned = run(
                     problem,
                     method=method,
@@ -282,12 +287,15 @@ def run_study(
                     reserved_seconds=REPORT_SECONDS,
                     watch=TuningProgress(line, problem.objectives),
                 )
+            after = perf_counter()
             line(1.0, "writing best.toml, study.json and report.html")
             write(tuned, options, plugins or [], following, config)
             line.stop()
+            writing, reading = perf_counter() - after, before - (before if began is None else began)
             if tuned.interrupted:
                 line.say("interrupted; this is the best so far")
-            print_study(tuned, ExperimentOptions(config=out / "best.toml", plugin=plugins).typed)
+            typed = ExperimentOptions(config=out / "best.toml", plugin=plugins).typed
+            print_study(tuned, typed, reading, writing)
             line.say(f"wrote best.toml, study.json and report.html in {out}")
             if tuned.interrupted:
                 raise KeyboardInterrupt
@@ -402,8 +410,11 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
     line.say(f"kept in {place}" + (f", which has {known} trials" if known else ""))
 
 
-def print_study(tuned: TuningResult, typed: str) -> None:
-    """Print result, scores, advice and cost of a study; commands in remarks have the options `typed`."""
+def print_study(tuned: TuningResult, typed: str, reading: float, writing: float) -> None:
+    """Print result, scores, advice and cost of a study; commands in remarks have the options `typed`.
+
+    `reading` the problem and `writing` the files took these times in s.
+    """
     from dualwinch.analysis.idealisations import idealisations
     from dualwinch.analysis.remarks import in_full
     from dualwinch.tuning import result
@@ -445,7 +456,9 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     among = ", ".join(f"{seconds:.1f} s {words}" for words, seconds in parts.items() if seconds >= LEAST_SECONDS)
     rollouts = ", ".join(filter(None, (f"{cost.rollouts} rollouts", cost.mostly_judging)))
     say(
-        f"{rollouts}; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
-        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring"
+        f"{rollouts}; {reading:.1f} s reading the problem, {cost.preparing:.1f} s preparing, "
+        f"{cost.searching:.1f} s searching "
+        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring, "
+        f"{writing:.1f} s writing files"
         f"{f'; of that, {among}' if among else ''}"
     )

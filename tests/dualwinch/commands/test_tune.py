@@ -108,6 +108,15 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     rollouts, judging = study["cost"]["rollouts"], study["cost"]["judging_rollouts"]
     assert rollouts > judging >= 612
     assert f"\n{rollouts} rollouts, {judging} of them for choosing and scoring; " in said.out
+    cost_line = next(line for line in said.out.splitlines() if line.startswith(f"{rollouts} rollouts"))
+    phases = re.findall(r"[\d.]+ s ([a-z ]+)", cost_line)
+    assert phases[:5] == [
+        "reading the problem",
+        "preparing",
+        "searching ",
+        "choosing and scoring",
+        "writing files",
+    ]
 
 
 @pytest.mark.slow
