@@ -23,7 +23,7 @@ from dualwinch.toolbox import ConfigurationError, Experiment, leaves, parts, wit
 from dualwinch.toolboxes.identification.diagnostics import UnrecordedForceError
 from dualwinch.toolboxes.identification.models import FittedModel, LogModel
 from dualwinch.toolboxes.identification.predictor import RecordedExperiment
-from dualwinch.toolboxes.identification.screening import LogScreening, delayed
+from dualwinch.toolboxes.identification.screening import LogScreening, delayed, ropes_of
 from dualwinch.toolboxes.identification.unknowns import (
     AMPLITUDE,
     LOAD_CELL_LAG,
@@ -93,6 +93,34 @@ def _is_other_machine(fit: FittedModel, screening: LogScreening) -> bool:
 
 
 @dataclass(frozen=True)
+class LightRopes(BuiltIn):
+    """Ropes whose weight, or mass, does not show.
+
+    What sags between rollers swings for long in a model without disturbances of its own, and where a rope slackens its
+    sag grows far; a log of taut ropes then needs forces that were not there.
+    """
+
+    kind: ClassVar = "light-ropes"
+    meaning: ClassVar = "ropes move as if they had no weight, or no mass"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """The ropes, of the described or lighter ones, that are likeliest at the estimate with its noise."""
+        if _is_sound(fit):
+            return
+        model, estimate = fit.model, fit.estimate
+        described = with_leaves(estimate.experiment, ropes_of(screening.described))
+        likeliest = ropes_of(screening.likeliest_ropes(described, model.options, estimate.noise))
+        if likeliest == ropes_of(fit.experiment):
+            return
+        other = replace(model, kinds=tuple(kind for kind in model.kinds if kind != self.kind))
+        experiment = with_leaves(fit.experiment, likeliest)
+        if likeliest == ropes_of(screening.described):
+            yield replace(other, experiment=experiment, starts=())
+        else:
+            yield other.extended(self.kind, experiment)
+
+
+@dataclass(frozen=True)
 class RecorderPhase(BuiltIn):
     """Rows measured between the controller's samples."""
 
@@ -102,7 +130,7 @@ class RecorderPhase(BuiltIn):
 
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
         """The likeliest clock at the start, if rows are at the samples by their times."""
-        if fit.model.kinds or not screening.at_samples(fit.experiment):
+        if {*fit.model.kinds} - {LightRopes.kind} or not screening.at_samples(fit.experiment):
             return
         clock = screening.likeliest_clock(fit.experiment, fit.model.options)
         if clock and clock.recorder.interpolated == self.interpolated:
@@ -120,13 +148,23 @@ class InterpolatedRows(RecorderPhase):
 
 @dataclass(frozen=True)
 class TorquesBetweenRows(BuiltIn):
-    """Torques that chatter at the controller's rate, of which a log holds every few.
-
-    It is chosen before the first fit (`selection.ModelSelection.base`).
-    """
+    """Torques that chatter at the controller's rate, of which a log holds every few."""
 
     kind: ClassVar = "torques-between-rows"
     meaning: ClassVar = "torques changed more often than they were logged"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
+        """One with mean torques between rows, if that is likelier at the estimate.
+
+        Raises:
+            ConfigurationError: rows are too far apart for that (`screening.LogScreening.check_spacing`).
+        """
+        if _is_sound(fit) or isinstance(fit.experiment, RecordedExperiment):
+            return
+        values = None if fit.refusal else fit.estimate.values[: len(screening.unknowns)]
+        model = screening.with_torques_between_rows(fit.model, values)
+        if model:
+            yield model
 
 
 @dataclass(frozen=True)
@@ -289,6 +327,7 @@ class StartUnderWay(BuiltIn):
 
 ALTERNATIVES: parts.Registry[Alternative] = parts.Registry(
     "alternative",
+    LightRopes,
     RecorderPhase,
     InterpolatedRows,
     TorqueDelay,

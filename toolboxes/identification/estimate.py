@@ -158,6 +158,21 @@ class PredictionErrorMethod:
         normal = self.likelihood.normal(values, noise, filtered)
         return normal[:-1, :-1] if np.isfinite(normal).all() else None
 
+    def considered_information(self, values: Floats, noise: NoiseCovariances, estimated: Floats) -> Floats:
+        """(p, p) information of the logs where the last unknowns are considered, not estimated.
+
+        That of the `estimated` first ones is known. With the least information on the others that is possible, the
+        covariance is that with these known, and their propagated priors besides.
+        """
+        information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
+        count = len(estimated)
+        priors = np.diag([1 / each.uncertainty**2 for each in self.unknowns[:count]])
+        moves = np.linalg.solve(information[:count, :count] + priors, information[:count, count:])
+        across = (estimated + priors) @ moves
+        information[:count, :count], information[count:, count:] = estimated, moves.T @ across
+        information[:count, count:], information[count:, :count] = across, across.T
+        return information
+
     def noise_at(self, values: Floats) -> NoiseCovariances:
         """Initial R, and Q from a rough search, at given values."""
         return self._noise.with_process_noise(
@@ -175,12 +190,12 @@ class PredictionErrorMethod:
         noise: NoiseCovariances | None = None,
         *,
         unless: Callable[[Experiment, NoiseCovariances, float], bool] | None = None,
-        accuracy: float | None = None,
+        polished: bool = True,
     ) -> ParameterEstimate:
         """Search from a start.
 
         It begins at (p,) values. R and Q are estimated unless given as `noise`. If `unless` holds for the experiment,
-        the noise and the deviance after least squares, it ends there. `accuracy` as in `Likelihood.maximum`.
+        the noise and the deviance after least squares, it ends there; unless `polished`, at one standard deviation.
 
         Raises:
             DivergedFilterError: the filter diverges: the log is of another machine.
@@ -201,7 +216,7 @@ class PredictionErrorMethod:
             information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
             deviance, finished, converged = rough, False, False
         else:
-            maximum, noise = self._maximum(values, noise, estimated, progress, accuracy=accuracy)
+            maximum, noise = self._maximum(values, noise, estimated, progress, polished=polished)
             if maximum is None:
                 raise self._diverged()
             values = unwrapped(coordinates.values(maximum.at), self.unknowns)
@@ -298,22 +313,27 @@ class PredictionErrorMethod:
         estimated: bool,
         progress: progresses.Progress,
         size: float | None = None,
-        accuracy: float | None = None,
+        *,
+        polished: bool = True,
     ) -> tuple[LikelihoodMaximum | None, NoiseCovariances]:
         """The maximum of the likelihood near values, ``None`` if filters diverge, and the noise with it.
 
-        `size` and `accuracy` as in `Likelihood.maximum`.
+        `size` as in `Likelihood.maximum`. It is accurate to one standard deviation, or `polished` to
+        `SearchOptions.accuracy`.
         """
-        coordinates, whole = self.coordinates(), size
-        at, maximum = coordinates.of(values), None
-        for shares in ((0.5, 0.7, 0.85), (0.85, 0.9, 1.0)):  # again, where noise is that of a point far away
+        coordinates, maximum, first = self.coordinates(), None, size
+        at = coordinates.of(values)
+        for begin in (0.5, 0.7):  # again, where noise is that of a point far away
             if estimated:
-                at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, *shares[:2]))
-            rest = progresses.part(progress, *shares[1:])
-            maximum = self.likelihood.maximum(at, noise, coordinates, None, whole, accuracy, rest)
+                at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, begin, begin + 0.1))
+            there = progresses.part(progress, begin + 0.1, begin + 0.2)
+            maximum = self.likelihood.maximum(at, noise, coordinates, None, first, 1.0, there)
             if not estimated or maximum is None or maximum.fall < self._search.process_noise_tolerance:
                 break
-            at, whole = maximum.at, 1.0
+            at, first = maximum.at, 1.0
+        if maximum and polished:
+            last = progresses.part(progress, 0.9, 1.0)
+            maximum = self.likelihood.maximum(maximum.at, noise, coordinates, None, 1.0, progress=last)
         return maximum, noise
 
     def _in_turn(
@@ -393,20 +413,28 @@ class LocalOptimum:
 
 
 def with_data_sheets(
-    method: PredictionErrorMethod, estimate: ParameterEstimate, readings: Collection[str]
+    method: PredictionErrorMethod, estimate: ParameterEstimate, readings: Collection[str], *, calibrated: bool
 ) -> tuple[PredictionErrorMethod, ParameterEstimate]:
-    """The estimate with gains, zeros and scales by data sheets as nuisance parameters, and its method.
+    """The estimate with gains, zeros and scales by data sheets behind the method's own unknowns, and its method.
 
-    They are behind the method's own unknowns (`unknowns.data_sheet_parameters`); `readings` are recorded.
+    Logs calibrate sensors and motors, too, if `calibrated`: these are nuisance parameters with priors
+    (`unknowns.data_sheet_parameters`; `readings` are recorded). A model that lacks something would attribute that to
+    them. Without, they are as described, and their errors are considered only in the deviations of the others: consider
+    analysis (Tapley, Schutz and Born, Statistical Orbit Determination, 2004, Chapter 6).
     """
     sections, experiment, unknowns, options = method.made_of
     sheet = data_sheet_parameters([each.key for each in unknowns], experiment, readings, options)
+    if not (sheet and calibrated):
+        estimate = method.continued(estimate.values, estimate.noise)
     if not sheet:
-        return method, method.continued(estimate.values, estimate.noise)
+        return method, estimate
     wider = PredictionErrorMethod(sections, experiment, (*unknowns, *sheet), options, method.threads)
     wider.filters.passes += method.passes
-    start = np.array([*estimate.values, *(each.start for each in sheet)])
-    return wider, wider.continued(start, estimate.noise)
+    values = np.array([*estimate.values, *(each.start for each in sheet)])
+    if calibrated:
+        return wider, wider.continued(values, estimate.noise)
+    information = wider.considered_information(values, estimate.noise, estimate.information)
+    return wider, replace(estimate, values=values, information=information)
 
 
 def multistart(

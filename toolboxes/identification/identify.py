@@ -1,7 +1,7 @@
 """Estimate a machine's parameters from logs in one call."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import PathLike
@@ -158,16 +158,9 @@ def identify(
     unknowns = unknown_parameters(names, experiment, all_priors, options.search)
     kinds = _kinds(arguments.texts("alternatives", alternatives), arguments.texts("without", without))
     kinds = kinds - {UndescribedSea.kind} if forces or _in_gas(experiment) else kinds
-    recordings = _checked_logs(recordings, experiment, options)
-    if StartUnderWay.kind in kinds and not plain:
-        recordings = [with_vortex_origin(log, experiment, options) for log in recordings]
-    parts = [log.between_gaps(options.resampling.max_gap, options.resampling.min_rows) for log in recordings]
-    pieces = [part for each in parts for part in each]
-    split = [log.split(hold_out) for log in pieces] if hold_out else [(log, None) for log in pieces]
-    sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
-
+    recordings, parts, split = _parts(recordings, experiment, options, kinds if not plain else (), hold_out)
     forward = _Forward(progress)
-    screening = LogScreening([log for log, _ in split], unknowns, executors.threads_of(workers), kinds)
+    screening = LogScreening([log for log, _ in split], experiment, unknowns, executors.threads_of(workers), kinds)
     selection = ModelSelection(screening, options, _Forward(forward, 1 / starts))
     sections = sections_of(screening.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
@@ -176,24 +169,26 @@ def identify(
     estimates = [*multistart(method, model.estimate, n, starts, seed, forward, workers), *model.optima]
     estimates = sorted(estimates, key=lambda each: each.deviance)
     excess, recorded = plausible(estimates[0]), {name for log in recordings for name in log.readings}
-    alone, (method, best) = estimates[0], with_data_sheets(method, estimates[0], recorded)
-    fitted, sheet = method.filters.sections, method.unknowns[len(model.method.unknowns) :]
-    torques, diagnostics = [section.torques for section in fitted], options.diagnostics
+    alone, calibrated = estimates[0], model.white
+    method, best = with_data_sheets(method, alone, recorded, calibrated=calibrated)
+    fitted, diagnostics = method.filters.sections, options.diagnostics
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
     end_sections = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
     held_out = method.filters_of(end_sections).whitened_innovations(best.experiment, best.noise) if end_sections else []
     information = marginal(best.information, method.unknowns, n)
-    perfect = covariance_of(marginal(alone.information, model.method.unknowns, n), unknowns)
-    whiteness = whiteness_tests(innovations, torques, diagnostics)
+    whiteness = whiteness_tests(innovations, [section.torques for section in fitted], diagnostics)
     beside_encoders = [test for test in whiteness if test.name not in counting(experiment.sensors)]
     white = all(test.white for test in beside_encoders or whiteness)
-    wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
-    precise = covariance_of(information, unknowns)
-    values, covariance = model.averaged(
-        best.values[:n], precise * np.outer(wider[:n], wider[:n]), by_sheets=precise - perfect
-    )
+    wider = np.ones(len(method.unknowns))
+    if not (white and calibrated):
+        own = (method, best) if calibrated else (model.method, alone)
+        wider[: len(own[1].values)] = sandwich_factors(*own)
+    perfect = covariance_of(marginal(alone.information, model.method.unknowns, n), unknowns)
+    by_sheets = covariance_of(information, unknowns) - perfect
+    spread = perfect * np.outer(wider[:n], wider[:n]) + by_sheets
+    values, covariance = model.averaged(best.values[:n], spread, by_sheets)
     by_key = replace(model, method=method, estimate=best).along(n, wider)
-    sheet_keys = {each.key for each in sheet}
+    sheet_keys = {each.key for each in method.unknowns[len(model.method.unknowns) :]}
     return IdentificationResult(
         experiment=with_leaves(
             experiment,
@@ -209,8 +204,8 @@ def identify(
         whiteness=whiteness,
         held_out=whiteness_tests(held_out, [section.torques for section in end_sections], diagnostics),
         innovations=rms_innovations(innovations, model.experiment.simulation.sample_time, diagnostics),
-        logs=tuple(log.name for log in pieces),
-        duration=sum(log.duration for log in pieces),
+        logs=tuple(log.name for each in parts for log in each),
+        duration=sum(log.duration for each in parts for log in each),
         passes=method.passes,
         converged=best.converged,
         optima=distinct_optima(
@@ -224,7 +219,7 @@ def identify(
         seconds=perf_counter() - began,
         options=options,
         profiles=likelihood_profiles(method, best, profiled, workers),
-        forces=tuple(smoothed_force(method, log, best) for log in pieces) if forces else (),
+        forces=tuple(smoothed_force(method, log, best) for each in parts for log in each) if forces else (),
         excess=(
             *(note for log in recordings for note in log.notes),
             *(gap_note(each) for each in parts if len(each) > 1),
@@ -233,11 +228,25 @@ def identify(
         ),
         along={key: pair for key, pair in by_key.items() if key not in sheet_keys},
         data_sheet={key: pair for key, pair in by_key.items() if key in sheet_keys},
-        sheet_shares=np.clip(1 - np.diag(perfect) / np.diag(precise), 0.0, 1.0),
+        sheet_shares=np.clip(1 - np.diag(perfect) / np.diag(perfect + by_sheets), 0.0, 1.0),
         widened=float(wider[:n].max(initial=1.0)),
         models=selection.evidence(model),
         interrupted=selection.interrupted,
     )
+
+
+def _parts(
+    logs: Sequence[Log], experiment: Experiment, options: EstimationOptions, kinds: Collection[str], hold_out: float
+) -> tuple[list[Log], list[list[Log]], Sequence[tuple[Log, Log | None]]]:
+    """Checked logs; each between its gaps; and the beginning and the end, held out, of each of these parts."""
+    logs = _checked_logs(logs, experiment, options)
+    if StartUnderWay.kind in kinds:
+        logs = [with_vortex_origin(log, experiment, options) for log in logs]
+    parts = [log.between_gaps(options.resampling.max_gap, options.resampling.min_rows) for log in logs]
+    pieces = [part for each in parts for part in each]
+    split = [log.split(hold_out) for log in pieces] if hold_out else [(log, None) for log in pieces]
+    sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
+    return logs, parts, split
 
 
 def _in_gas(experiment: Experiment) -> bool:

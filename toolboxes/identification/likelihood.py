@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
 from dualwinch.toolbox import Experiment, progresses, sensing
-from dualwinch.toolboxes.identification.filter import LogFilters, all_completed
+from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.toolboxes.identification.options import NoiseOptions, SearchOptions
 from dualwinch.toolboxes.identification.prediction import FilterPass
 from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
@@ -327,22 +327,36 @@ class NoiseEstimator:
     def with_measurement_noise(
         self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
     ) -> NoiseCovariances:
-        """Estimate R by expectation maximisation, starting from passes with the given noise."""
-        noise, changed = self._em_step(noise, filtered)
+        """Estimate R by expectation maximisation, starting from passes with the given noise.
+
+        Its steps shrink slowly where process noise explains as much as a sensor's. SQUAREM (Varadhan and Roland,
+        Scand. J. Stat. 35 (2008) 335) extrapolates the logarithms of the variances from two steps, if that is likelier.
+        It ends once that hardly lowers the deviance.
+        """
+        cost = deviance_of(filtered) / 2
         for _ in range(self._options.max_em_steps):
-            if changed < self._options.em_tolerance:
+            steps = [noise, first := self._em_step(noise, filtered)]
+            filtered = self._filter(experiment, first, None)
+            steps.append(self._em_step(first, filtered))
+            logs = np.log([each.measurement for each in steps])
+            step, bend = logs[1] - logs[0], logs[2] - 2 * logs[1] + logs[0]
+            length = max(float(np.linalg.norm(step) / max(np.linalg.norm(bend), np.finfo(float).tiny)), 1.0)
+            ahead = np.exp(logs[0] + 2 * length * step + length**2 * bend)
+            candidates = [replace(noise, measurement=np.maximum(ahead, min_noise(self._options) ** 2)), steps[2]]
+            runs = [self._filter(experiment, each, None) for each in candidates]
+            costs = [deviance_of(each) / 2 if all_completed(each) else np.inf for each in runs]
+            likeliest, before = int(np.argmin(costs)), cost
+            noise, filtered, cost = candidates[likeliest], runs[likeliest], costs[likeliest]
+            if before - cost < NEGLIGIBLE_FALL:
                 break
-            noise, changed = self._em_step(noise, self._filter(experiment, noise, self._samples))
         return noise
 
-    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> tuple[NoiseCovariances, float]:
-        """One step of expectation maximisation, and the largest change of a variance's logarithm."""
+    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> NoiseCovariances:
+        """One step of expectation maximisation for R."""
         counts = np.sum([each.counts for each in filtered], axis=0)
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
-        before, factor = noise.measurement, self._options.max_em_factor
-        variances = np.where(counts > 0, squares / np.maximum(counts, 1), before)
-        variances = np.maximum(np.clip(variances, before / factor, before * factor), min_noise(self._options) ** 2)
-        return replace(noise, measurement=variances), float(np.max(np.abs(np.log(variances / before)), initial=0.0))
+        variances = np.where(counts > 0, squares / np.maximum(counts, 1), noise.measurement)
+        return replace(noise, measurement=np.maximum(variances, min_noise(self._options) ** 2))
 
     def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
         return self._filters.run(experiment, noise, gains=False, samples=samples)
@@ -388,6 +402,7 @@ class PollResult:
         at: (p,) its coordinates.
         deviance: the `Likelihood.objective` there.
         length: of the move there, the largest component along a direction, in standard deviations.
+        newton: whether it is the end of a Newton step.
         curvatures: (p,) of half the deviance along the directions; 1 is that of least squares, NaN unknown.
         likelier: whether a polled neighbour is likelier than the point that was polled from.
     """
@@ -395,6 +410,7 @@ class PollResult:
     at: Floats
     deviance: float
     length: float
+    newton: bool
     curvatures: Floats
     likelier: bool
 
@@ -588,6 +604,7 @@ class Likelihood:
             at=points[best],
             deviance=float(deviances[best]),
             length=length,
+            newton=best == 0,
             curvatures=np.where(inside & np.isfinite(curvatures), curvatures, np.nan),
             likelier=bool(min(deviances[1:]) < here - self._rounding(here)),
         )
@@ -610,8 +627,9 @@ class Likelihood:
 
         1. Poll the neighbours (`poll`), first `size` standard deviations away (default: `SearchOptions.reach`) and then
            one, which gives the curvatures.
-        2. Move to the likeliest point. The next poll is as wide as the move was long, or its square where that is
-           shorter, as the error of a Newton step is, and half as wide where there was no move.
+        2. Move to the likeliest point. After a Newton step the next poll is as wide as that was long, or its square
+           where that is shorter, as its error is; after a move to a neighbour it is twice as wide, up to one deviation,
+           and half as wide where there was no move.
         3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier, or after
            `SearchOptions.max_polls`; for another accuracy after `SearchOptions.max_steps`.
         """
@@ -634,8 +652,10 @@ class Likelihood:
                 size, moved, frame = 1.0, 0.0, self.frame(at, noise, coordinates, fixed) or frame
             elif number == 0 and size > 1:
                 size = 1.0
+            elif fell and result.newton:
+                size = max(result.length * min(result.length, 1.0), end)
             else:
-                size = max(result.length * min(result.length, 1.0) if fell else size / 2, end)
+                size = min(2 * size, 1.0) if fell else max(size / 2, end)
         (deviance,) = self.deviances([at], noise, coordinates).tolist()
         return LikelihoodMaximum(at, deviance, start - here, frame.information_with(curvatures), converged)
 

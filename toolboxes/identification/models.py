@@ -153,6 +153,10 @@ class FittedModel:
                 f"load cells lag by {1e3 * lag:.2g} ms, which the experiment does not describe "
                 f"(sensors.load_cell_time_constant = {lag:.2g})"
             )
+        for name, words in (("submerged_weight", "weight"), ("mass_per_length", "mass")):
+            rope = experiment.plant.rope_1
+            if getattr(described.plant.rope_1, name) and not getattr(rope, name, 0.0):
+                yield f"ropes move as if they had no {words} (plant.rope_*.{name} = 0), unlike the described ones"
         if self.method.options.resampling.torque_rows:
             yield (
                 "torques changed more often than they were logged: between rows their mean over "

@@ -109,13 +109,7 @@ class NoiseOptions:
     section_time: Annotated[
         quantities.Positive, Quantity("s", "time at the start of each section used by a rough search")
     ] = 10.0
-    max_em_steps: Annotated[
-        int, Ge(0), Quantity("1", "largest number of further steps of expectation maximisation for R")
-    ] = 8
-    em_tolerance: Annotated[
-        quantities.Positive, Quantity("1", "change of a variance's logarithm that ends these steps")
-    ] = 0.1
-    max_em_factor: Annotated[Factor, Quantity("1", "largest change of a variance in one step, as a factor")] = 4.0
+    max_em_steps: Annotated[int, Ge(0), Quantity("1", "largest number of cycles of expectation maximisation for R")] = 8
     diverged_likelihood: Annotated[
         quantities.Positive, Quantity("1", "negative log-likelihood of a filter that diverges")
     ] = 1e12

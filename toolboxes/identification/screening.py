@@ -4,7 +4,7 @@ They show which alternatives are worth a fit, and their most likely form.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import itemgetter
@@ -12,11 +12,11 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.toolbox import ConfigurationError, Experiment, physics
+from dualwinch.toolbox import ConfigurationError, Experiment, leaves, physics, with_leaves
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.likelihood import LOAD_CELLS
 from dualwinch.toolboxes.identification.log import Log
-from dualwinch.toolboxes.identification.models import FittedModel
+from dualwinch.toolboxes.identification.models import CONSIDERABLE, FittedModel, LogModel
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import (
     READINGS,
@@ -48,18 +48,40 @@ def delayed(experiment: Experiment, samples: int) -> Experiment:
     return replace(experiment, simulation=replace(experiment.simulation, delay_samples=samples))
 
 
+def ropes_of(experiment: Experiment) -> dict[str, float]:
+    """Weight and mass of both ropes per metre, by key."""
+    values = leaves(experiment)
+    keys = [f"plant.rope_{side}.{name}" for side in (1, 2) for name in ("submerged_weight", "mass_per_length")]
+    return {key: values[key] for key in keys}
+
+
+def lighter_ropes(experiment: Experiment, keys: Collection[str]) -> list[Experiment]:
+    """An experiment, then without weight of its ropes, and without weight and mass, as far as they have any.
+
+    Only the experiment where `keys` that are estimated are among these.
+    """
+    values = ropes_of(experiment)
+    if values.keys() & set(keys):
+        return [experiment]
+    weightless = {key: 0.0 if key.endswith("weight") else value for key, value in values.items()}
+    forms = [experiment, with_leaves(experiment, weightless), with_leaves(experiment, dict.fromkeys(values, 0.0))]
+    return list(dict.fromkeys(forms))
+
+
 @dataclass(frozen=True)
 class LogScreening:
     """Quick looks at logs of one machine.
 
     Attributes:
         logs: of the machine.
+        described: the experiment as described.
         unknowns: the requested parameters.
         threads: default: one per core.
         kinds: of the alternatives that are allowed (`alternatives.Alternative`).
     """
 
     logs: Sequence[Log]
+    described: Experiment
     unknowns: Sequence[UnknownParameter]
     threads: int | None
     kinds: frozenset[str]
@@ -81,10 +103,38 @@ class LogScreening:
             self._deviances[key] = method.deviance(point)
         return self._deviances[key]
 
-    def likeliest_at_start(self, experiment: Experiment, options: EstimationOptions) -> tuple[float, Experiment]:
-        """The least deviance at the start over all delays of the torques, and the experiment with that delay."""
+    def likeliest_at_start(
+        self, experiment: Experiment, options: EstimationOptions, values: Floats | None = None
+    ) -> tuple[float, Experiment]:
+        """The least deviance over all delays of the torques, and the experiment with it; values as above."""
         experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
-        return min(((self.deviance_at_start(each, options), each) for each in experiments), key=itemgetter(0))
+        return min(((self.deviance_at_start(each, options, values), each) for each in experiments), key=itemgetter(0))
+
+    def likeliest_ropes(
+        self, experiment: Experiment, options: EstimationOptions, noise: NoiseCovariances | None = None
+    ) -> Experiment:
+        """The experiment with its ropes or with lighter ones (`lighter_ropes`), whichever is clearly likelier.
+
+        All with the same noise; default: that of the lightest ropes, from a rough search.
+        """
+        forms = lighter_ropes(experiment, [each.key for each in self.unknowns])
+        if len(forms) == 1:
+            return experiment
+        methods = [
+            PredictionErrorMethod(
+                sections_of(self.logs, each, options.resampling),
+                with_drum_friction(each, options.search),
+                (),
+                options,
+                self.threads,
+            )
+            for each in forms
+        ]
+        none = np.zeros(0)
+        noise = noise or methods[-1].noise_at(none)
+        deviances = [float(each.filters.deviances([(each.with_values(none), noise)])[0]) for each in methods]
+        likeliest = int(np.argmin(deviances))
+        return forms[likeliest] if deviances[likeliest] + CONSIDERABLE < deviances[0] else experiment
 
     def lags(self, experiment: Experiment, options: EstimationOptions) -> Floats:
         """Significance of each delay of the torques (`torque_lags`)."""
@@ -116,6 +166,21 @@ class LogScreening:
         search = replace(options.search, process_noise_tolerance=coarse.process_noise_tolerance)
         resampling = replace(options.resampling, torque_rows=coarse.rows)
         return replace(options, resampling=resampling, noise=noise, search=search)
+
+    def with_torques_between_rows(self, model: LogModel, values: Floats | None = None) -> LogModel | None:
+        """A model with mean torques between rows, if that is likelier at values as above; ``None``: it is not.
+
+        Raises:
+            ConfigurationError: rows are too far apart for that (`check_spacing`).
+        """
+        coarse, kind = self.coarse_options(model.experiment, model.options), "torques-between-rows"
+        if coarse is None or kind not in self.kinds or kind in model.kinds:
+            return None
+        least, delayed = self.likeliest_at_start(model.experiment, coarse, values)
+        if least >= self.deviance_at_start(model.experiment, model.options, values):
+            return None
+        self.check_spacing(model.experiment)
+        return replace(model.extended(kind, delayed), options=coarse)
 
     def likeliest_clock(
         self, experiment: Experiment, options: EstimationOptions, *, interpolated: Sequence[bool] = (False, True)

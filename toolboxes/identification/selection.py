@@ -13,9 +13,9 @@ from dualwinch.toolbox import Experiment, progresses
 from dualwinch.toolboxes.identification.alternatives import (
     ALTERNATIVES,
     InterpolatedRows,
+    LightRopes,
     RecorderPhase,
     TorqueDelay,
-    TorquesBetweenRows,
     WinchesAndRopes,
 )
 from dualwinch.toolboxes.identification.diagnostics import ImplausibleFitError
@@ -48,8 +48,8 @@ def _is_coloured(
 class ModelSelection:
     """Stepwise selection of a model by the Bayesian information criterion, and averaging over close ones.
 
-    1. Where rows are between the samples, or torques changed between rows, the described experiment is fitted with that
-       from the first (`base`); else as it is.
+    1. Where ropes clearly show no weight or mass, or rows are between the samples, the described experiment is fitted
+       with that from the first (`base`); else as it is.
     2. Each alternative in turn proposes candidates: the likeliest model so far with it, or with another form of it.
        One that the innovations (whiteness) or quick looks at the logs (`screening`) do not call for proposes none.
     3. Each candidate is fitted, by a search of its own from the starts, because the optimum of a model without an
@@ -97,7 +97,8 @@ class ModelSelection:
         try:
             self._fitted(base, check)
         except DivergedFilterError:
-            wider = self._without_divergence(base)
+            others = [self.screening.with_torques_between_rows(base), self._without_divergence(base)]
+            wider = next(filter(None, others), None)
             if wider is None:
                 raise
             self._fitted(wider, check)
@@ -128,12 +129,13 @@ class ModelSelection:
                 proposals[complete] = iter(())
 
     def base(self, described: LogModel) -> LogModel:
-        """The described model, with the form of its rows and torques that no fit can do without.
-
-        Raises:
-            ConfigurationError: torques change between rows that are too far apart.
-        """
-        screening, experiment = self.screening, described.experiment
+        """The described model, with the form of its ropes and rows that no fit can do without."""
+        screening = self.screening
+        if LightRopes.kind in screening.kinds:
+            likeliest = screening.likeliest_ropes(described.experiment, self.options)
+            if likeliest != described.experiment:
+                described = described.extended(LightRopes.kind, likeliest)
+        experiment = described.experiment
         if not screening.at_samples(experiment):
             kinds = [kind for kind in (RecorderPhase, InterpolatedRows) if kind.kind in screening.kinds]
             clock = screening.likeliest_clock(
@@ -142,12 +144,6 @@ class ModelSelection:
             if clock:
                 kind = next(each for each in kinds if each.interpolated == clock.recorder.interpolated)
                 return described.extended(kind.kind, clock)
-        coarse = screening.coarse_options(experiment, self.options)
-        if coarse and TorquesBetweenRows.kind in screening.kinds:
-            least, delayed = screening.likeliest_at_start(experiment, coarse)
-            if least < screening.deviance_at_start(experiment, self.options):
-                screening.check_spacing(experiment)
-                return replace(described.extended(TorquesBetweenRows.kind, delayed), options=coarse)
         return described
 
     def _without_divergence(self, base: LogModel) -> LogModel | None:
@@ -304,7 +300,7 @@ class ModelSelection:
         for start, begin, end in zip(starts, ends[:-1], ends[1:], strict=True):
             try:
                 progress = progresses.part(self.progress, begin, end)
-                estimates.append(method.run(start, progress, unless=rough, accuracy=1.0))
+                estimates.append(method.run(start, progress, unless=rough, polished=False))
             except DivergedFilterError as error:
                 refusal = error
         if not estimates:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.plugins import register
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
@@ -15,6 +16,7 @@ from dualwinch.toolboxes.identification.alternatives import ALTERNATIVES, Altern
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.identification.screening import LogScreening, lighter_ropes, ropes_of
 from dualwinch.toolboxes.identification.unknowns import nuisance_parameters
 from tests.toolboxes.identification.conftest import logged, machine
 
@@ -109,3 +111,29 @@ def test_without_a_share_there_are_no_nuisance_parameters() -> None:
     keys = {each.key for each in nuisance_parameters([], machine(), fixed)}
     assert not any("inertia" in key or "friction" in key or "damping" in key for key in keys)
     assert nuisance_parameters([], machine(), DEFAULTS.search)
+
+
+ROPES = {"plant.rope_*.mass_per_length": 2.36, "plant.rope_*.submerged_weight": 20.2, "plant.track.roller_spacing": 1.0}
+
+
+def test_lighter_ropes_are_without_weight_and_then_without_mass() -> None:
+    heavy = override(machine(), ROPES)
+    described, weightless, light = lighter_ropes(heavy, ["plant.vehicle.mass"])
+    assert described == heavy
+    assert (weightless.plant.rope_1.mass_per_length, weightless.plant.rope_2.submerged_weight) == (2.36, 0.0)
+    assert set(ropes_of(light).values()) == {0.0}
+    assert lighter_ropes(heavy, ["plant.rope_1.mass_per_length"]) == [heavy], "which is estimated"
+    assert lighter_ropes(machine(), []) == [machine()], "which are light as described"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_heavy", [False, True])
+def test_ropes_without_weight_are_likelier_where_the_log_shows_none(is_heavy: bool) -> None:
+    """Also where mass and moduli are off."""
+    site = override(load_ensemble("site").experiment, {"simulation.duration": 4.0, "simulation.readings": True})
+    light = override(site, dict.fromkeys(ropes_of(site), 0.0))
+    log = logged(site if is_heavy else light).from_zero()
+    nominal = override(site, {"plant.vehicle.mass": 1.05e4, "plant.rope_*.modulus": 9e10})
+    screening = LogScreening([log], nominal, (), None, frozenset(ALTERNATIVES))
+    likeliest = screening.likeliest_ropes(nominal, DEFAULTS)
+    assert ropes_of(likeliest) == ropes_of(site if is_heavy else light)

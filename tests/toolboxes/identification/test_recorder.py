@@ -35,7 +35,9 @@ def resampled(rate: float, phase: float) -> Log:
 
 def clock_of(log: Log) -> RecordedExperiment | None:
     """The recorder that is likelier than rows at the samples of Case 4."""
-    return LogScreening([log.from_zero()], (), None, frozenset(ALTERNATIVES)).likeliest_clock(case(4), DEFAULTS)
+    return LogScreening([log.from_zero()], case(4), (), None, frozenset(ALTERNATIVES)).likeliest_clock(
+        case(4), DEFAULTS
+    )
 
 
 def test_rows_at_the_samples_need_no_clock() -> None:
