@@ -45,6 +45,7 @@ def test_the_filter_begins_with_ropes_as_taut_as_the_load_cells_read() -> None:
     assert all(value > 0 for name, value in spread.items() if name.endswith(inner))
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_masses_of_ropes_are_found() -> None:
     """Also of the slack one, half a metre long at first, whose friction between the wires is unknown then."""

@@ -44,6 +44,7 @@ def truth(experiment: Experiment, keys: tuple[str, ...]) -> np.ndarray:
     return np.array([values[key] for key in keys])
 
 
+@pytest.mark.slow
 def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
     right = machine()
     found = identify([logged(right)], KEYS, override(right, NOMINAL))
@@ -87,6 +88,7 @@ def test_noise_that_is_known_need_not_be_found_out() -> None:
     np.testing.assert_array_less(np.abs(again.values - fit.values), 0.1 * deviations)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_several_logs_know_more_than_one() -> None:
     logs = [logged(machine(simulation__seed=seed)) for seed in (1, 2)]

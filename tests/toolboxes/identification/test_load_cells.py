@@ -52,6 +52,7 @@ def test_what_zero_leaves_out_is_not_fitted_before_it_has_a_value() -> None:
             estimable_keys([key], machine())
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_lag_is_found_with_the_mass() -> None:
     keys = ["plant.vehicle.mass", "plant.rope_*.modulus", LAG]
@@ -61,6 +62,7 @@ def test_the_lag_is_found_with_the_mass() -> None:
     assert found.values[3] == pytest.approx(2e-3, rel=0.02)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_lag_that_nobody_described_is_found() -> None:
     """Held for instantaneous, readings 2 ms late leave so much torque unexplained that the log was refused."""
@@ -74,6 +76,7 @@ def test_a_lag_that_nobody_described_is_found() -> None:
     assert not any("load cells lag" in note for note in quick.notes)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("beyond", [0.0, 1.0])
 def test_friction_of_sheaves_is_found_wherever_the_cells_are(beyond: float) -> None:

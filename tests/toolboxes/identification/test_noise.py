@@ -141,6 +141,7 @@ def test_a_sea_whose_size_is_known_stays_as_it_is() -> None:
     assert known.with_sea(right, noise) is noise
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_what_disturbances_did_is_no_noise_of_nearly_perfect_sensors() -> None:
     """The mass is right at the start, so that it hardly moves while the process noise is at its least."""

@@ -99,6 +99,7 @@ WORDS = (
 )
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "duration"),
@@ -121,6 +122,7 @@ def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, 
         identify([logged(override(nominal, truth))], ["plant.vehicle.mass"], nominal, options=few)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_share_that_is_given_lets_such_a_log_pass_and_says_what_the_model_lacks() -> None:
     log, gear = (

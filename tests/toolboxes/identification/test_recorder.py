@@ -55,6 +55,7 @@ def test_the_clock_of_the_recorder_is_the_likeliest(rate: float) -> None:
     assert clock_of(replace(log, columns=perturbed(dict(log.columns), 0))) == clock, "it does not hang on the last bit"
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [1000.0, 1024.0, 2000.0])
 def test_moduli_are_right_whenever_the_recorder_samples(rate: float) -> None:

@@ -34,6 +34,7 @@ OFF = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("described", [{}, {"disturbance.vortex": False}])
 def test_parameters_are_right_although_much_else_is_off(described: dict[str, object]) -> None:
@@ -55,6 +56,7 @@ def test_parameters_are_right_although_much_else_is_off(described: dict[str, obj
     ) == bool(described)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [1 / 3, 3.0])
 def test_parameters_are_right_although_the_described_sea_is_of_another_size(factor: float) -> None:
@@ -106,6 +108,7 @@ def test_vortices_that_an_estimate_lacks_are_suspected() -> None:
         assert shows_other_vortices([logged(right)], nominal, 0.08) == other
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -> None:
     right = machine(plant__vehicle__mass=3300.0, disturbance__strouhal=0.21, simulation__duration=40.0)
@@ -151,6 +154,7 @@ def test_a_log_with_a_gap_is_fitted_in_parts() -> None:
         identify([replace(whole, columns={**whole.columns, **rare})], ["plant.vehicle.mass"], machine())
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_several_optima_are_found_and_said() -> None:
     log, nominal = far_off()
@@ -180,6 +184,7 @@ def test_a_log_cut_out_of_a_run_has_the_time_of_its_vortices() -> None:
     assert with_vortex_origin(calm, machine(disturbance__vortex=False)).t[0] == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_log_cut_out_of_a_run_gives_right_parameters() -> None:
     right = machine(simulation__duration=40.0)
@@ -203,6 +208,7 @@ def test_what_is_estimated_along_is_what_no_key_names_and_the_experiment_has() -
     assert with_drum_friction(nominal) == nominal
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_torques_that_chatter_and_are_logged_at_200_hz() -> None:
     """The paper's controller makes them, from the position's noise; a few of them are logged."""
@@ -222,6 +228,7 @@ def test_torques_that_chatter_and_are_logged_at_200_hz() -> None:
         identify([log.rows(slice(None, None, 10))], KEYS, machine(simulation__duration=30.0))
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_choice_of_a_model_does_not_hang_on_the_last_bit() -> None:
     right = machine(sensors__speed_noise=5e-4, simulation__duration=6.0)

@@ -91,6 +91,7 @@ def test_a_log_cut_out_of_mid_run_needs_no_origin() -> None:
         assert with_vortex_origin(log, described) == log
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_kind_of_phase_that_is_not_described_is_found() -> None:
     found = identify([logged(light(**SHORT, **{"disturbance.strouhal": 0.19}))], KEYS, light(**SHORT, **UNDESCRIBED))
@@ -99,6 +100,7 @@ def test_a_kind_of_phase_that_is_not_described_is_found() -> None:
     assert any("the phase of the vortices is the integral of their frequency" in note for note in found.notes)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_where_vortices_come_to_nothing_the_other_kind_of_phase_is_tried() -> None:
     """Weak ones hardly show in smoothed readings."""

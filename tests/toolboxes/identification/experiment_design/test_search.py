@@ -31,6 +31,7 @@ def designed() -> ExcitationDesign:
     return excite(KEYS, experiment, duration=30.0, trials=24, seed=2)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_what_is_expected_is_what_fits_come_to(designed: ExcitationDesign) -> None:
     """Errors of four seeded logs, over what was expected beforehand, are of the size of 1; so are stated deviations.
