@@ -287,11 +287,10 @@ def run_study(
                     reserved_seconds=REPORT_SECONDS,
                     watch=TuningProgress(line, problem.objectives),
                 )
-            after = perf_counter()
             line(1.0, "writing best.toml, study.json and report.html")
-            write(tuned, options, plugins or [], following, config)
+            reading = before - (before if began is None else began)
+            writing = write(tuned, options, plugins or [], following, config, reading)
             line.stop()
-            writing, reading = perf_counter() - after, before - (before if began is None else began)
             if tuned.interrupted:
                 line.say("interrupted; this is the best so far")
             typed = ExperimentOptions(config=out / "best.toml", plugin=plugins).typed
@@ -318,8 +317,12 @@ def write(
     plugins: Sequence[str] = (),
     following: str = "",
     config: Path | None = None,
-) -> None:
-    """Write ``best.toml``, ``study.json`` and ``report.html``; further arguments as in `run_study`."""
+    reading: float = 0.0,
+) -> float:
+    """Write ``best.toml``, ``report.html`` and ``study.json``; further arguments as in `run_study`.
+
+    `reading` the problem took this time in s. Returns the time of writing until `study.json`, which has both.
+    """
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN
     from dualwinch.config.experiment_file import checked_keys, to_toml
@@ -330,7 +333,7 @@ def write(
     from dualwinch.tuning.storage.parts import in_words, part_records
     from dualwinch.tuning.tuning_problem import configuration
 
-    problem, out, storage = tuned.problem, options.out, options.kept_in
+    began, problem, out, storage = perf_counter(), tuned.problem, options.out, options.kept_in
     facts: dict[str, Any] = {
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -348,14 +351,21 @@ def write(
     here = ExperimentOptions(config=Path("best.toml"), plugin=[seen_from(out, plugin) for plugin in plugins]).typed
     write_best(out / "best.toml", tuned, best, facts, here)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
+    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best, plugins, following)
+    writing = perf_counter() - began
     write_study(
         out / "study.json",
         tuned,
-        named | {"compared": compared(tuned), "notes": NOTES.get() or []},
+        named
+        | {
+            "compared": compared(tuned),
+            "notes": NOTES.get() or [],
+            "seconds": {"reading": reading, "writing": writing},
+        },
         configuration(problem),
         here,
     )
-    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best, plugins, following)
+    return writing
 
 
 def compared(tuned: TuningResult) -> dict[str, Any]:
