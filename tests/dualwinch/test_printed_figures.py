@@ -127,7 +127,7 @@ AS_JSON = [
             *("identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4"),
             *("--starts", "2", "--profile", "plant.vehicle.mass"),
         ],
-        marks=pytest.mark.slow,
+        marks=[pytest.mark.slow, pytest.mark.nightly],
     ),
     [
         *("excite", "--fit", "plant.vehicle.mass", "--case", "4", "--set", "sensors.tension_noise=10"),
