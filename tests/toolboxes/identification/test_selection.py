@@ -119,6 +119,7 @@ def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -
     assert found.along["disturbance.strouhal"][0] == pytest.approx(0.21, abs=0.002)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_delay_that_arx_models_do_not_show_is_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they show each alike, a fit without the delay makes up for it by inertia and damping."""
