@@ -31,6 +31,8 @@ from dualwinch.toolbox import (
 from dualwinch.toolboxes.lab.wasm.settings import DURATION, MOTIONS, OFF_AT_ZERO, REFERENCE_KIND, Settings
 from dualwinch.toolboxes.lab.wasm.structures import REGISTRIES, LabStructure, heavy_ensemble
 
+ACTUATOR, LAG = "actuator.kind", "actuator.motor.time_constant"
+
 WIDER = 3.0
 """Range of a slider beyond a default, as a factor."""
 
@@ -51,7 +53,10 @@ def default_of(key: str, structure: LabStructure) -> float | None:
 
 def number_of(key: str, values: Mapping[str, Any]) -> float | None:
     """The number of a key for a module, from the values of an experiment; None for an optional key without one."""
-    value = values.get(key, 0.0 if key.startswith("actuator.") else None)  # ideal motors neither lag nor step
+    usual = None
+    if key.startswith("actuator."):  # ideal motors do not lag
+        usual = 0.0 if key == LAG else leaves(with_leaves(Experiment(), {ACTUATOR: "motor"})).get(key) or 0.0
+    value = values.get(key, usual)
     if key == REFERENCE_KIND:
         return float(MOTIONS.index(value))
     return None if value is None else float(value)
@@ -272,8 +277,6 @@ def claims() -> dict[str, Any]:
     """The paper's reductions of steady-state errors by its observer (Figure 21), as relative changes."""
     return OBSERVED | {"change": {f"steady_{metric}": change for metric, change in paper.REDUCTIONS.items()}}
 
-
-ACTUATOR = "actuator.kind"
 
 SAME_RUN = frozenset({"engine", "readings", "integrator", "substeps"})
 """Settings of the simulation that change how a run is computed or recorded, not the machine."""
