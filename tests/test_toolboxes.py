@@ -92,7 +92,7 @@ def test_without_the_toolbox_of_stress_the_rest_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("toolbox", NAMES)
+@pytest.mark.parametrize("toolbox", [NAMES[0], *(pytest.param(name, marks=pytest.mark.nightly) for name in NAMES[1:])])
 def test_without_any_toolbox_the_rest_runs(toolbox: str, tmp_path: Path) -> None:
     without(toolbox, tmp_path, "tests", "pyproject.toml")
     run(tmp_path, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", "tests/test_architecture.py")

@@ -38,6 +38,7 @@ def recorded(file: Path, *, pulses: bool) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_known_drive_is_found(tmp_path: Path) -> None:
     run = drive(recorded(tmp_path / "a.mat", pulses=True))
     found = fitted(run, lag=True)
@@ -49,6 +50,7 @@ def test_a_known_drive_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_in_units_in_which_torques_are_a_hundred_times_as_large_it_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -30,7 +30,8 @@ def blocks(page: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=pytest.mark.slow if page in LONG else []) for page in LESSONS]
+    "page",
+    [pytest.param(page, marks=[pytest.mark.slow, pytest.mark.nightly] if page in LONG else []) for page in LESSONS],
 )
 def test_a_lesson_runs(page: str, tmp_path: Path) -> None:
     """In a process of its own: a lesson may register parts."""

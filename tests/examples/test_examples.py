@@ -43,6 +43,7 @@ def part_of(module: ModuleType) -> type[Part]:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [path.stem for path in EXAMPLES])
 def test_it_tunes_compares_and_writes_c(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -64,6 +64,7 @@ def test_current_and_rail_load_count_as_force() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_of_several_logs_there_are_several_files(tmp_path: Path) -> None:
     logs = [logged(machine(simulation__seed=seed)) for seed in (1, 2)]
     both = identify(logs, ["plant.vehicle.mass"], machine(), forces=True)
