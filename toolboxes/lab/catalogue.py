@@ -54,7 +54,7 @@ def default_of(key: str, structure: LabStructure) -> float | None:
 def number_of(key: str, values: Mapping[str, Any]) -> float | None:
     """The number of a key for a module, from the values of an experiment; None for an optional key without one."""
     usual = None
-    if key.startswith("actuator."):  # ideal motors do not lag
+    if key not in values and key.startswith("actuator."):  # ideal motors do not lag
         usual = 0.0 if key == LAG else leaves(with_leaves(Experiment(), {ACTUATOR: "motor"})).get(key) or 0.0
     value = values.get(key, usual)
     if key == REFERENCE_KIND:
