@@ -334,15 +334,17 @@ class NoiseEstimator:
         It ends once that hardly lowers the deviance.
         """
         cost = deviance_of(filtered) / 2
+        least, largest = 2 * np.log(min_noise(self._options)), np.log(np.finfo(float).max) / 2
         for _ in range(self._options.max_em_steps):
             steps = [noise, first := self._em_step(noise, filtered)]
             filtered = self._filter(experiment, first, None)
             steps.append(self._em_step(first, filtered))
             logs = np.log([each.measurement for each in steps])
             step, bend = logs[1] - logs[0], logs[2] - 2 * logs[1] + logs[0]
-            length = max(float(np.linalg.norm(step) / max(np.linalg.norm(bend), np.finfo(float).tiny)), 1.0)
-            ahead = np.exp(logs[0] + 2 * length * step + length**2 * bend)
-            candidates = [replace(noise, measurement=np.maximum(ahead, min_noise(self._options) ** 2)), steps[2]]
+            rounding = np.spacing(np.linalg.norm(logs[0]))  # a smaller bend is none
+            length = max(float(np.linalg.norm(step) / max(np.linalg.norm(bend), rounding)), 1.0)
+            ahead = np.clip(logs[0] + 2 * length * step + length**2 * bend, least, largest)
+            candidates = [replace(noise, measurement=np.exp(ahead)), steps[2]]
             runs = [self._filter(experiment, each, None) for each in candidates]
             costs = [deviance_of(each) / 2 if all_completed(each) else np.inf for each in runs]
             likeliest, before = int(np.argmin(costs)), cost
