@@ -10,8 +10,8 @@ from scipy.stats import chi2, norm
 
 from dualwinch.toolbox import ConfigurationError, Experiment, executors, physical_units, physics
 from dualwinch.toolboxes.identification.estimate import ParameterEstimate, PredictionErrorMethod, on_worker
-from dualwinch.toolboxes.identification.likelihood import noise_by_differences
 from dualwinch.toolboxes.identification.log import POSITIONS, TORQUES, UNIT_OF, Log, longest_step
+from dualwinch.toolboxes.identification.noise import noise_by_differences
 from dualwinch.toolboxes.identification.options import (
     DEFAULTS,
     DiagnosticsOptions,

@@ -23,12 +23,8 @@ from dualwinch.toolbox import (
     with_leaves,
 )
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
-from dualwinch.toolboxes.identification.likelihood import (
-    Likelihood,
-    LikelihoodMaximum,
-    NoiseEstimator,
-    initial_measurement_noise,
-)
+from dualwinch.toolboxes.identification.likelihood import Likelihood, LikelihoodMaximum
+from dualwinch.toolboxes.identification.noise import NoiseEstimator, initial_measurement_noise
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.toolboxes.identification.prediction import FilterPass, compile_predictor
 from dualwinch.toolboxes.identification.predictor import (

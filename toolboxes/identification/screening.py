@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from dualwinch.toolbox import ConfigurationError, Experiment, leaves, physics, with_leaves
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
-from dualwinch.toolboxes.identification.likelihood import LOAD_CELLS
 from dualwinch.toolboxes.identification.log import Log
 from dualwinch.toolboxes.identification.models import CONSIDERABLE, FittedModel, LogModel
+from dualwinch.toolboxes.identification.noise import LOAD_CELLS
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import (
     READINGS,

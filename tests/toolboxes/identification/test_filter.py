@@ -12,7 +12,7 @@ import pytest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from dualwinch.toolboxes.identification.filter import LogFilters
-from dualwinch.toolboxes.identification.likelihood import initial_measurement_noise
+from dualwinch.toolboxes.identification.noise import initial_measurement_noise
 from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.prediction import FilterCovariances, FilterData, compile_predictor
 from dualwinch.toolboxes.identification.predictor import (

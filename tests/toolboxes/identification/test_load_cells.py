@@ -7,7 +7,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.identification.filter import LogFilters
 from dualwinch.toolboxes.identification.identify import identify
-from dualwinch.toolboxes.identification.likelihood import initial_measurement_noise
+from dualwinch.toolboxes.identification.noise import initial_measurement_noise
 from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.prediction import compile_predictor
 from dualwinch.toolboxes.identification.predictor import (

@@ -12,8 +12,8 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.identify import identify
-from dualwinch.toolboxes.identification.likelihood import DESCRIBED, NoiseEstimator, minimum_nearby
 from dualwinch.toolboxes.identification.log import log_of
+from dualwinch.toolboxes.identification.noise import DESCRIBED, NoiseEstimator, minimum_nearby
 from dualwinch.toolboxes.identification.options import NoiseOptions
 from dualwinch.toolboxes.identification.predictor import GaussMarkov
 from dualwinch.toolboxes.identification.resample import sections_of

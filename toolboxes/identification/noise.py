@@ -1,0 +1,358 @@
+"""Noise of the filters: covariances R of the sensors and Q of unrecorded disturbances, first guesses and estimates.
+
+R is estimated by expectation maximisation, Q by line searches of the likelihood.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import reduce
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from dualwinch.toolbox import Experiment, sensing
+from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
+from dualwinch.toolboxes.identification.options import NoiseOptions
+from dualwinch.toolboxes.identification.prediction import FilterPass
+from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
+
+Floats = NDArray[np.float64]
+
+NORMAL_MEDIAN = 0.6745
+"""Median of a standard normal variable's magnitude."""
+
+NEGLIGIBLE_FALL = 0.05
+"""Expected fall of half the deviance for which noise is not searched further."""
+
+LOAD_CELLS = ("F1", "F2")
+"""Sensors that are quiet only while torques are."""
+
+ESTIMATED = (("force",), ("torque_1", "torque_2"))
+"""Disturbances that no experiment describes, in groups with a common estimated deviation."""
+
+DESCRIBED = ("current", "normal_force_variation")
+"""Disturbances that an experiment describes; deviations and correlation times have priors around the described ones."""
+
+SIZE, TIME, TIME_ALONE = np.array([1.0, 0.0]), np.array([0.5, 1.0]), np.array([0.0, 1.0])
+"""Search directions for the logarithms of deviation and correlation time: the deviation; the time with a constant
+variance added per sample, which a log determines best; and the time alone."""
+
+
+def min_noise(options: NoiseOptions) -> Floats:
+    """(readings,) least standard deviations of the sensors' noise, as neither sensors nor model are perfect."""
+    finest = {
+        "x": options.min_position_noise,
+        "v": options.min_speed_noise,
+        "F1": options.min_tension_noise,
+        "F2": options.min_tension_noise,
+        "theta_1": options.min_angle_noise,
+        "theta_2": options.min_angle_noise,
+        "omega_1": options.min_drum_speed_noise,
+        "omega_2": options.min_drum_speed_noise,
+    }
+    return np.array([finest[name] for name in READINGS])
+
+
+def initial_measurement_noise(readings: Floats, sensors: sensing.Sensors, options: NoiseOptions) -> Floats:
+    """(readings,) initial variances of all sensors.
+
+    As described by the experiment, quantisation included; for sensors described as perfect, from differences between
+    the log's samples.
+    """
+    described = {
+        "x": math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12)),
+        "v": sensors.speed_noise,
+        "F1": sensors.tension_noise,
+        "F2": sensors.tension_noise,
+    }
+    deviations = noise_by_differences(readings, options)
+    for index, (name, finest) in enumerate(zip(READINGS, min_noise(options).tolist(), strict=True)):
+        if described.get(name, 0.0) > 0:
+            deviations[index] = max(described[name], finest)
+    return deviations**2
+
+
+def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
+    """(readings,) standard deviations of all sensors' noise, by third differences, which cancel most of a motion."""
+    own = [
+        _white_noise(values[np.isfinite(values)], options, options.quiet_share if name in LOAD_CELLS else 1.0)
+        for name, values in zip(READINGS, readings.T, strict=True)
+    ]
+    return np.maximum(own, min_noise(options))
+
+
+def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
+    """Standard deviation of white noise by third differences; for a quantised sensor at least that of rounding."""
+    if len(values) < 10:
+        return 0.0
+    steps = np.abs(np.diff(values))
+    least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    jumps = np.abs(np.diff(values, 3))
+    if quiet < 1 and len(jumps) >= 2 * options.quiet_readings:
+        windows = np.array_split(jumps, len(jumps) // options.quiet_readings)
+        quietest = sorted(windows, key=lambda each: float(np.median(each)))
+        jumps = np.concatenate(quietest[: max(1, round(quiet * len(windows)))])
+    deviation = float(np.median(jumps)) / NORMAL_MEDIAN / math.sqrt(20)
+    counts = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
+    return max(deviation, least / math.sqrt(12)) if counts else deviation
+
+
+def _minimum_between(
+    cost: Callable[[float], float], ends: tuple[float, float], tolerance: float, evaluations: int
+) -> tuple[float, float]:
+    """Minimise a cost between two ends by Brent's method; returns the minimum and its cost."""
+    options = {"xatol": tolerance, "maxiter": evaluations}
+    best: Any = minimize_scalar(cost, bounds=ends, method="bounded", options=options)
+    return float(best.x), float(best.fun)
+
+
+def minimum_nearby(
+    cost: Callable[[float], float],
+    here: tuple[float, float],
+    step: float,
+    ends: tuple[float, float],
+    tolerance: float,
+    evaluations: int,
+    *,
+    evaluate_last: bool = True,
+) -> tuple[float, float]:
+    """Minimise a cost between two ends by steps downhill, each twice the last, and parabolas.
+
+    A search that starts near a minimum, as most do, ends after two or three evaluations.
+
+    Args:
+        cost: the cost.
+        here: where to start, and its cost.
+        step: the first step.
+        ends: the range.
+        tolerance: distance of a parabola's minimum from the best point so far below which it is the last one.
+        evaluations: largest number of them.
+        evaluate_last: whether that last one is evaluated; without is faster, but unsafe where the cost is irregular.
+
+    Returns:
+        The minimum, and its cost.
+    """
+    known = dict([here])
+
+    def evaluated(at: float) -> float:
+        at = min(max(at, ends[0]), ends[1])
+        if at not in known:
+            known[at] = cost(at)
+        return at
+
+    def best() -> float:
+        return min(known, key=lambda at: known[at])
+
+    for way in (1.0, -1.0):
+        ahead, reach = here[0], step
+        while len(known) <= evaluations and evaluated(ahead + way * reach) == best() != ahead:
+            ahead, reach = best(), 2 * reach
+        if ahead != here[0]:
+            break
+    distance = math.inf
+    while len(known) <= evaluations and distance >= tolerance and min(known) < best() < max(known):  # not at an end
+        middle = best()
+        at, least = _vertex(known, middle)
+        if not evaluate_last and abs(at - middle) < tolerance:
+            return at, least
+        if evaluate_last and known[middle] - least < NEGLIGIBLE_FALL:
+            break
+        distance = abs(evaluated(at) - middle)
+    return best(), known[best()]
+
+
+def _vertex(known: dict[float, float], b: float) -> tuple[float, float]:
+    """Minimum of a parabola through the lowest of known points and its two neighbours; and its value."""
+    a, c = max(at for at in known if at < b), min(at for at in known if at > b)
+    of_a, of_b, of_c = known[a], known[b], known[c]
+    before, behind = (of_b - of_a) / (b - a), (of_c - of_b) / (c - b)
+    curvature = (behind - before) / (c - a)
+    if not curvature > 0:  # flat
+        return b, of_b
+    slope = before + curvature * (b - a)
+    return b - slope / (2 * curvature), of_b - slope**2 / (4 * curvature)
+
+
+class NoiseEstimator:
+    """Estimates R and Q for approximately known parameters."""
+
+    def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
+        """Set up; the least deviations are those that the experiment describes."""
+        self._filters, self._options = filters, options
+        self._described = described_disturbances(experiment, options)
+        self._least = {name: each.deviation for name, each in self._described.items()}
+        self._samples = round(options.section_time / experiment.simulation.sample_time)
+
+    def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """The least process noise of a grid with which no filter diverges; as given if there is none."""
+        wider = sorted(self._grid(noise), key=lambda each: each.process["torque_1"].deviation)
+        return next((each for each in wider if all_completed(self._filter(experiment, each, None))), noise)
+
+    def with_process_noise(
+        self, experiment: Experiment, noise: NoiseCovariances, *, anywhere: bool = False, roughly: bool = False
+    ) -> NoiseCovariances:
+        """Estimate Q of the disturbances that no experiment describes, by maximum likelihood.
+
+        The search begins with the given Q or, if `anywhere`, with the best of a grid over the whole range. A rough one
+        uses the beginning of each section only.
+        """
+        samples = self._samples if roughly else None
+        if anywhere:
+            noise, here = self._likeliest(experiment, self._grid(noise), samples)
+        else:
+            here = self._cost(experiment, noise, samples)
+        for names in ESTIMATED:
+            noise, here = self._line_search(experiment, noise, names, samples, here)
+        return noise
+
+    def with_torque_noise(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """Estimate Q of the unrecorded torques only, roughly, over its whole range.
+
+        Errors of parameters that are not yet estimated well must not be attributed to an unrecorded force.
+        """
+        torques = ESTIMATED[1]
+        grid = [self._scaled(noise, torques, factor) for factor in self._factors]
+        best, cost = self._likeliest(experiment, grid, self._samples)
+        return self._line_search(experiment, best, torques, self._samples, cost)[0]
+
+    def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
+
+        Their priors are log-normal around the described values. Where noise still has these, searches go over the whole
+        range, else around the values it has.
+        """
+        options, reach = self._options, math.log(self._options.described_reach)
+        anywhere = options.whole_range or all(noise.process[name] == self._described[name] for name in DESCRIBED)
+        factors = (SIZE, options.described_factor), (TIME, options.described_time_factor)
+        searches = [(name, way, factor, reach) for name in DESCRIBED for way, factor in factors]
+        searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
+
+        def whole(noise: NoiseCovariances) -> float:
+            return self._cost(experiment, noise, None) + self._negative_log_prior(experiment, noise)
+
+        here = None
+        for name, way, factor, reach in searches:
+            if factor == 1 or noise.process[name].deviation == 0:
+                continue
+
+            def moved(by: float, name: str = name, way: Floats = way, noise: Any = noise) -> NoiseCovariances:
+                process = noise.process[name].scaled(*np.exp(by * way).tolist())
+                return replace(noise, process={**noise.process, name: process})
+
+            def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
+                return whole(moved(by))
+
+            accuracy = options.described_tolerance, options.max_described_evaluations
+            if anywhere:
+                best, here = _minimum_between(cost, (-reach, reach), *accuracy)
+            else:
+                step, start = math.log(options.described_step), (0.0, whole(noise) if here is None else here)
+                best, here = minimum_nearby(cost, start, step, (-reach, reach), *accuracy)
+            noise = moved(best) if best else noise
+        return noise
+
+    def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
+        """Negative logarithm of the prior density of the described disturbances, up to a constant."""
+        process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
+        of_sea = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))
+        factors = {**of_sea, VORTICES: (1.0, options.vortex_time_factor)}
+        for name, (of_size, of_time) in factors.items():
+            own, described = process[name], self._described[name]
+            pairs = (own.deviation, described.deviation, of_size), (own.time, described.time, of_time)
+            for value, usual, factor in pairs if own.deviation > 0 else ():
+                total += (math.log(value / usual) / math.log(factor)) ** 2 / 2 if factor > 1 else 0.0
+        return total
+
+    @property
+    def _factors(self) -> list[float]:
+        """Grid of factors on the least deviation, over its whole range."""
+        options = self._options
+        return (options.grid ** np.arange(np.ceil(np.log(options.range) / np.log(options.grid)))).tolist()
+
+    def _grid(self, noise: NoiseCovariances) -> list[NoiseCovariances]:
+        """Deviations of all groups on a grid over their range."""
+        return [
+            reduce(lambda found, pair: self._scaled(found, *pair), zip(ESTIMATED, chosen, strict=True), noise)
+            for chosen in product(self._factors, repeat=len(ESTIMATED))
+        ]
+
+    def _line_search(
+        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None, here: float
+    ) -> tuple[NoiseCovariances, float]:
+        """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
+        options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
+        reach, accuracy = np.log(options.grid), (options.line_tolerance, options.max_line_evaluations)
+        ends = float(max(now - reach, 0.0)), float(min(now + reach, np.log(options.range)))
+
+        def cost_of(factor: float) -> float:
+            return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples)
+
+        if options.whole_range:
+            best, cost = _minimum_between(cost_of, ends, *accuracy)
+        else:
+            start = float(now), here
+            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, *accuracy, evaluate_last=samples is None)
+        return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
+
+    def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
+        """The noise with a group's deviation as a multiple of its least one."""
+        deviation = float(factor) * self._least[names[0]]
+        scaled = {name: replace(noise.process[name], deviation=deviation) for name in names}
+        return replace(noise, process={**noise.process, **scaled})
+
+    def _likeliest(
+        self, experiment: Experiment, noises: Sequence[NoiseCovariances], samples: int | None
+    ) -> tuple[NoiseCovariances, float]:
+        """The likeliest of several, and its cost; all of them in parallel."""
+        deviances = self._filters.deviances([(experiment, noise) for noise in noises], samples)
+        best = int(np.argmin(deviances))
+        return noises[best], min(float(deviances[best]) / 2, self._options.diverged_likelihood)
+
+    def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
+        filtered = self._filter(experiment, noise, samples)
+        if not all_completed(filtered):
+            return self._options.diverged_likelihood
+        return sum(each.negative_log_likelihood for each in filtered)
+
+    def with_measurement_noise(
+        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
+    ) -> NoiseCovariances:
+        """Estimate R by expectation maximisation, starting from passes with the given noise.
+
+        Its steps shrink slowly where process noise explains as much as a sensor's. SQUAREM (Varadhan and Roland,
+        Scand. J. Stat. 35 (2008) 335) extrapolates the logarithms of the variances from two steps, if that is likelier.
+        It ends once that hardly lowers the deviance.
+        """
+        cost = deviance_of(filtered) / 2
+        least, largest = 2 * np.log(min_noise(self._options)), np.log(np.finfo(float).max) / 2
+        for _ in range(self._options.max_em_steps):
+            steps = [noise, first := self._em_step(noise, filtered)]
+            filtered = self._filter(experiment, first, None)
+            steps.append(self._em_step(first, filtered))
+            logs = np.log([each.measurement for each in steps])
+            step, bend = logs[1] - logs[0], logs[2] - 2 * logs[1] + logs[0]
+            rounding = np.spacing(np.linalg.norm(logs[0]))  # a smaller bend is none
+            length = max(float(np.linalg.norm(step) / max(np.linalg.norm(bend), rounding)), 1.0)
+            ahead = np.clip(logs[0] + 2 * length * step + length**2 * bend, least, largest)
+            candidates = [replace(noise, measurement=np.exp(ahead)), steps[2]]
+            runs = [self._filter(experiment, each, None) for each in candidates]
+            costs = [deviance_of(each) / 2 if all_completed(each) else np.inf for each in runs]
+            likeliest, before = int(np.argmin(costs)), cost
+            noise, filtered, cost = candidates[likeliest], runs[likeliest], costs[likeliest]
+            if before - cost < NEGLIGIBLE_FALL:
+                break
+        return noise
+
+    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> NoiseCovariances:
+        """One step of expectation maximisation for R."""
+        counts = np.sum([each.counts for each in filtered], axis=0)
+        squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
+        variances = np.where(counts > 0, squares / np.maximum(counts, 1), noise.measurement)
+        return replace(noise, measurement=np.maximum(variances, min_noise(self._options) ** 2))
+
+    def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
+        return self._filters.run(experiment, noise, gains=False, samples=samples)
