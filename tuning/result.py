@@ -254,25 +254,42 @@ def instability(tuned: TuningResult) -> str:
 
 
 def worth(tuned: TuningResult) -> str:
-    """In two short sentences what was gained, and what is certified or was not examined; then what is violated."""
+    """What was gained, what is certified, what was not examined, and what is violated, in a sentence each."""
     return " ".join(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in _worth(tuned) if sentence)
 
 
 def _worth(tuned: TuningResult) -> Iterator[str]:
     verdict = tuned.verdict
-    gained = comparison(tuned)
     if not verdict.improved:
-        gained = f"no improvement: the start is kept{'' if verdict.start_is_papers else f', {gained}'}"
-    yield f"{verdict.contradiction}: {gained}" if verdict.contradiction else gained
-    scored = verdict.scored
-    violated = [
-        f"{constraint.label} ({number(scored.statistics[constraint.statistic.name], 3)})"
-        for constraint in verdict.constraints
-        if scored.violations[constraint.label] > 0
-    ]
-    yield "; ".join(filter(None, (verdict.certificate.words, unexamined(tuned)))) if verdict.certificate else ""
-    yield f"It violates {', '.join(violated)}" if violated else ""
+        yield "no improvement: the start is kept"
+    if verdict.improved or not verdict.start_is_papers:
+        yield comparison(tuned)
+    yield from verdict.certificate.sentences if verdict.certificate else ()
+    yield unexamined(tuned)
+    yield from _violations(tuned)
+    yield verdict.contradiction
     yield instability(tuned)
+
+
+def _violations(tuned: TuningResult) -> Iterator[str]:
+    """Bounds that the best violates where it was scored: those on the worst case, with a test set; and the others."""
+    verdict, kinds = tuned.verdict, ("run", "mean", "margin")
+    if verdict.has_test_set and (bounds := _violated(tuned, "run")):
+        count, kinds = verdict.test_violations, ("mean", "margin")
+        verb = "violates" if count == 1 else "violate"
+        yield f"{count} of {verdict.scored.scenarios} test scenarios {verb} a bound: {bounds}"
+    if bounds := _violated(tuned, *kinds):
+        yield f"{where(tuned)} the {'best' if verdict.improved else 'start'} violates {bounds}"
+
+
+def _violated(tuned: TuningResult, *kinds: str) -> str:
+    """Bounds of some kinds (`Constraint.kind`) that the best violates where it was scored, with its values."""
+    scored = tuned.verdict.scored
+    return ", ".join(
+        f"{constraint.label} ({number(scored.statistics[constraint.statistic.name], 4)})"
+        for constraint in tuned.verdict.constraints
+        if constraint.kind in kinds and scored.violations[constraint.label] > 0
+    )
 
 
 def unexamined(tuned: TuningResult) -> str:
@@ -281,7 +298,8 @@ def unexamined(tuned: TuningResult) -> str:
     if not verdict.certificate or verdict.certificate.satisfied or not verdict.unexamined:
         return ""
     budget = "time" if tuned.seconds else "rollouts"
-    return f"for lack of {budget}, {verdict.unexamined} candidates that rank before the start were not examined"
+    candidates = "1 more candidate was" if verdict.unexamined == 1 else f"{verdict.unexamined} more candidates were"
+    return f"in the training set {candidates} better than the start, but not examined for lack of {budget}"
 
 
 def tested(tuned: TuningResult) -> str:
@@ -342,34 +360,30 @@ def controller_in_words(controller: Controller) -> str:
 def comparison(tuned: TuningResult) -> str:
     """The best's first objective in comparison with the paper's and the start's.
 
-    If test scenarios are infeasible, first over the feasible ones, by which the best was chosen.
+    If test scenarios are infeasible, over the feasible ones, by which the best was chosen; `authority` has all.
     """
     verdict, objective = tuned.verdict, tuned.problem.objectives[0]
-    references = {"paper": "the paper's"} | ({"start": "the start's"} if "start" in verdict.shown else {})
-
-    def compared(*, feasible: bool) -> str:
-        ratios = [
-            times(verdict.improvement(objective.name, over, feasible=feasible), whose)
-            for over, whose in references.items()
-        ]
-        return " and ".join(ratios)
-
-    words, within, every = (
-        f"{objective.name} is {compared(feasible=True)}",
-        verdict.feasible_scenarios,
-        verdict.scored.scenarios,
-    )
+    within, every = verdict.feasible_scenarios, verdict.scored.scenarios
+    words = f"{objective.name} is {ratios(tuned, feasible=True)}"
     if within in (0, every) or objective.kind == "worst":
         return words
-    scored = f"in the {within} test scenarios within the motors' authority"
-    return f"{words} {scored} ({compared(feasible=False)} in all {every})"
+    return f"{words} in the {within} test scenarios within the motors' authority"
+
+
+def ratios(tuned: TuningResult, *, feasible: bool) -> str:
+    """The best's first objective against the paper's and the start's, in all test scenarios or the feasible ones."""
+    verdict, objective = tuned.verdict, tuned.problem.objectives[0]
+    references = {"paper": "the paper's"} | ({"start": "the start's"} if "start" in verdict.shown else {})
+    return " and ".join(
+        times(verdict.improvement(objective.name, over, feasible=feasible), whose) for over, whose in references.items()
+    )
 
 
 def times(ratio: float, whose: str) -> str:
     """A ratio of theirs to ours in words: the factor by which ours is lower, or its multiple of theirs if worse."""
     if not (ratio > 0 and np.isfinite(ratio)):
         return f"not comparable with {whose}"
-    if f"{ratio:.3g}" == "1":
+    if _digits(max(ratio, 1 / ratio)) == "1":
         return f"as large as {whose}"
     return f"{_digits(ratio)} times lower than {whose}" if ratio > 1 else f"{_digits(1 / ratio)} × {whose} (worse)"
 
@@ -381,21 +395,20 @@ def _digits(ratio: float) -> str:
 
 
 def authority(tuned: TuningResult) -> str:
-    """Number of test scenarios beyond the motors' authority, in words; empty for none."""
+    """Number of test scenarios beyond the motors' authority, and the comparison with them, in words; or empty."""
     verdict, share = tuned.verdict, tuned.problem.options.authority
-    infeasible = verdict.scored.scenarios - verdict.feasible_scenarios
+    infeasible, objective = verdict.scored.scenarios - verdict.feasible_scenarios, tuned.problem.objectives[0]
     if not infeasible or not verdict.has_test_set:
         return ""
     verb = "demands" if infeasible == 1 else "demand"
-    return (
-        f"{infeasible} of the scenarios {verb} more than {100 * share:g} % of the motors' force: no gains keep up there"
-    )
+    words = f"{infeasible} of the scenarios {verb} more than {100 * share:g} % of the motors' force"
+    return f"{words}: no gains keep up there; with them {objective.name} is {ratios(tuned, feasible=False)}"
 
 
 def advice(tuned: TuningResult) -> list[str]:
-    """Remedies if the start is kept or the best violates a constraint; else empty."""
+    """Remedies if the start is kept, the best violates a constraint or is no better in the test set; else empty."""
     verdict, problem = tuned.verdict, tuned.problem
-    if verdict.improved and verdict.scored.feasible:
+    if verdict.improved and verdict.scored.feasible and not verdict.contradiction:
         return []
     remedies: list[str] = []
     if undamping := undamped(problem.experiment):

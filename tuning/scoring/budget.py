@@ -18,11 +18,13 @@ LEAST_SEARCH = 0.5
 
 @dataclass
 class Meter:
-    """Rollouts and stability margins so far, and the wall time that they took.
+    """Rollouts, fresh draws and stability margins so far, and the wall time that they took.
 
     Attributes:
         rollouts: number of rollouts.
         seconds: their wall time in s.
+        draws: number of fresh draws.
+        draw_seconds: wall time in s of drawing them.
         margin_seconds: wall time in s of stability margins.
         machines: number of machines on which a controller's margins were computed in all loops.
         machine_seconds: their part of `margin_seconds`.
@@ -30,6 +32,8 @@ class Meter:
 
     rollouts: int = 0
     seconds: float = 0.0
+    draws: int = 0
+    draw_seconds: float = 0.0
     margin_seconds: float = 0.0
     machines: int = 0
     machine_seconds: float = 0.0
@@ -38,6 +42,11 @@ class Meter:
         """Count rollouts that began at a time of `clock.now`."""
         self.rollouts += rollouts
         self.seconds += clock.now() - began
+
+    def count_draws(self, began: float, draws: int) -> None:
+        """Count fresh draws that were drawn since `began`."""
+        self.draws += draws
+        self.draw_seconds += clock.now() - began
 
     def count_margins(self, began: float, machines: int) -> None:
         """Count margins since `began` in all loops of some machines; 0 machines: in some loops."""
@@ -51,6 +60,11 @@ class Meter:
     def pace(self) -> float:
         """Mean wall time of a rollout in s; 0 before the first."""
         return self.seconds / self.rollouts if self.rollouts else 0.0
+
+    @property
+    def draw_pace(self) -> float:
+        """Mean wall time of drawing a fresh draw in s; 0 before the first."""
+        return self.draw_seconds / self.draws if self.draws else 0.0
 
     @property
     def margin_pace(self) -> float:
@@ -75,13 +89,17 @@ class SelectionBudget:
         """Whether the time is over."""
         return self.until is not None and clock.without_compiling() >= self.until
 
-    def allows(self, meter: Meter, rollouts: int, machines: int = 0) -> bool:
-        """Whether so many rollouts more, and margins on so many machines, are within the limits at the pace so far."""
-        seconds = rollouts * meter.pace + machines * meter.margin_pace
+    def allows(self, meter: Meter, rollouts: int, draws: int, machines: int = 0) -> bool:
+        """Whether so many rollouts and fresh draws more, and margins on so many machines, are within the limits.
+
+        Times are those at the pace so far.
+        """
+        seconds = rollouts * meter.pace + draws * meter.draw_pace + machines * meter.margin_pace
         in_time = self.until is None or clock.without_compiling() + seconds <= self.until
         return in_time and (self.rollouts is None or meter.rollouts + rollouts <= self.rollouts)
 
 
 def seconds_of_test(options: TuningOptions, meter: Meter) -> float:
     """Estimated time in s of the test set, at the pace so far."""
-    return 3 * (meter.pace * options.test + meter.margin_pace * (1 + options.machines_checked))
+    scores = 3 * (meter.pace * options.test + meter.margin_pace * (1 + options.machines_checked))
+    return scores + meter.draw_pace * options.test

@@ -9,7 +9,7 @@ violations as it has had, or more, would have a probability below β if that of 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -106,27 +106,42 @@ class SampleCertificate:
         return upper_limit(self.machines_below, self.machines, self.error)
 
     @property
-    def words(self) -> str:
-        """What is certified, with its evidence, in a sentence."""
-        parts = [self._draw_words, self._machine_words, *(f"{mean} is violated in the mean" for mean in self.means)]
-        with_confidence = f" with {100 * self.confidence:g} % confidence" if self.draws else ""
-        verb = f"Certified{with_confidence}" if self.satisfied else f"Not certified{with_confidence}"
-        return f"{verb}: {'; '.join(filter(None, parts))}"
+    def sentences(self) -> list[str]:
+        """What is certified, with its evidence; or why nothing is, and what is supported."""
+        confidence = f"with {100 * self.confidence:g} % confidence"
+        if self.satisfied:
+            return [f"certified {confidence}: {self._support}"]
+        sentences = [f"not certified: {' and '.join(self._obstacles)}"]
+        return [*sentences, f"{confidence}, {self._support}"] if self._support else sentences
 
     @property
-    def _draw_words(self) -> str:
-        if not self.draws:
-            return "no draws examined"
-        request = "" if self.supported <= self.violation else f", asked for: {_share(1 - self.violation)}"
-        share = _share(1 - max(self.violation, self.supported))
-        return f"bounds hold in ≥ {share} of draws ({self.violations} of {self.draws} fresh ones violate one{request})"
+    def _obstacles(self) -> Iterator[str]:
+        """Why it is not certified."""
+        request = _share(1 - self.violation)
+        if self.machines_below:
+            yield f"on {self.machines_below} of {self.machines} fresh machines a margin is below its bound"
+        elif not self.draws:
+            yield "no fresh draws were run"
+        elif self.rejected:
+            yield f"{self.violations} of {self.draws} fresh draws violate a bound, more than {request} allows"
+        elif self.supported > self.violation:
+            yield f"{self.draws} fresh draws, {self.violations} of which violate a bound, are too few for {request}"
+        for mean in self.means:
+            yield f"over the fresh draws, {mean} is violated"
 
     @property
-    def _machine_words(self) -> str:
-        if not self.machines:
-            return ""
-        below = f"{self.machines_below} of {self.machines} fresh ones below"
-        return f"margins hold on ≥ {_share(1 - self.machine_share)} of machines ({below})"
+    def _support(self) -> str:
+        """The supported shares of draws and machines, with their evidence."""
+        words = []
+        if self.draws:
+            share = _share(1 - max(self.violation, self.supported))
+            words.append(
+                f"bounds hold in ≥ {share} of draws ({self.violations} of {self.draws} fresh ones violate one)"
+            )
+        if self.machines:
+            below = f"{self.machines_below} of {self.machines} fresh ones below"
+            words.append(f"margins hold on ≥ {_share(1 - self.machine_share)} of machines ({below})")
+        return ", and ".join(words)
 
     def to_dict(self) -> dict[str, Any]:
         """As a dictionary for JSON."""

@@ -251,11 +251,12 @@ class Evaluator(Scorer):
 
     def fresh(self, stream: str, first: int, count: int) -> "FreshDraws":
         """Draws of a random stream, those beyond the motors' authority marked as hard ones."""
-        problem = self.problem
+        problem, began = self.problem, clock.now()
         draws = problem.drawn_ensemble.chosen(range(first, first + count), problem.stream(stream))
         demands = force_demands(draws)
         within = with_authority(demands, problem.options.authority)
         lags = np.array([demand.shortfall for demand in demands])
+        self.meter.count_draws(began, count)
         return FreshDraws(beyond_authority_as_hard(draws, within), lags <= LARGEST_LAG)
 
     def learn(self, entry: ArchiveEntry, draws: "FreshDraws", runs: RunOutcomes, means: FreshMeans) -> int:

@@ -55,8 +55,9 @@ from dualwinch.tuning.scoring.test_set import ControllerScore, SelectionResult, 
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 NONE_BEFORE = "no trial ranks before it, by objective and violated bounds, in the training set"
-CONTRADICTED = "the test set contradicts the choice: there the start is better"
-PROBABILITY_CONTRADICTED = "the test set contradicts the probability: there more scenarios violate a bound"
+LESS_VIOLATION = "in the test set the start violates bounds by less"
+LESS_ERROR = "in the test set the start is no worse"
+MORE_VIOLATIONS = "in the test set more scenarios violate a bound than the fresh draws support"
 
 
 @dataclass(frozen=True)
@@ -162,20 +163,22 @@ class Certification:
         draws = self._next.draws_of_stage(0)
         others = self._reference_runs or (self._means().controllers - 1) * min(self.options.chunk, draws)
         rollouts = draws + others + batches * self._evaluator.largest_batch
-        return budget.allows(self._evaluator.meter, rollouts, self.options.machines)
+        return budget.allows(self._evaluator.meter, rollouts, draws, self.options.machines)
 
     def run(self, budget: SelectionBudget, search_on: Callable[[], None] = nothing) -> Examination | None:
         """After the search, examine leaders until one is certified, the budget ends, or no candidate is left.
 
         A first leader is examined whatever the budget. After a rejection the search goes on for a generation at a time
-        while the budget allows another certificate after it.
+        while the budget allows another certificate after it. Where only its time does not, the next leader is examined
+        in the draws that there is time for.
 
         Args:
             budget: of search and certificate.
             search_on: searches for a generation more.
         """
         passed = False
-        while not passed and (not self.examined or self._allowed(budget)):
+        untimed = replace(budget, until=None)
+        while not passed and (not self.examined or (self._allowed(untimed) and not budget.ended())):
             entry = self._evaluator.leader()
             if entry is None:
                 break
@@ -255,7 +258,7 @@ class Certification:
             if certificate.draws == stage:
                 needed = certificate.draws_of_stage(certificate.violations)
                 rollouts = means.controllers * (needed - stage)
-                if needed <= stage or not budget.allows(evaluator.meter, rollouts):
+                if needed <= stage or not budget.allows(evaluator.meter, rollouts, needed - stage):
                     break
                 stage = needed
         self._draws += max(certificate.draws, certificate.machines)
@@ -355,10 +358,11 @@ def _obstacle(certification: Certification | None) -> str:
         f"on {certificate.machines_below} of {certificate.machines} fresh machines"
         if certificate.machines_below
         else "",
-        *certificate.means,
+        f"on means over these draws ({', '.join(certificate.means)})" if certificate.means else "",
     ]
     count = f"{len(examinations)} candidate{'s' * (len(examinations) != 1)} examined"
-    return f"{count}; the best, {reached}, violates bounds {' and '.join(filter(None, violated))}"
+    violations = " and ".join(filter(None, violated))
+    return f"{count}; {reached}, {f'but violates bounds {violations}' if violations else 'no better than the start'}"
 
 
 def _contradiction(
@@ -373,7 +377,9 @@ def _contradiction(
     if certificate and certificate.draws:
         lowest, _ = clopper_pearson(best.violated, best.scenarios, certificate.confidence)
         if lowest > certificate.supported:
-            return PROBABILITY_CONTRADICTED
+            return MORE_VIOLATIONS
         if not best.violation_of(constraints, "mean"):
             best = replace(best, violations={}, violated=0)
-    return "" if improves_on(best, start, constraints) else CONTRADICTED
+    if improves_on(best, start, constraints):
+        return ""
+    return LESS_VIOLATION if best.violation > start.violation else LESS_ERROR

@@ -246,7 +246,7 @@ def test_gains_no_better_than_the_start_are_not_called_best(
     assert "the start is kept: no trial is better than the gains that the search started from (20 trials)" in said
     assert "what would help: more trials" in said
     assert "another method (--method cmaes)" in said
-    assert "No improvement: the start is kept, mean.mse is 1.09 times lower than the paper's" in said
+    assert "No improvement: the start is kept. Mean.mse is 1.09 times lower than the paper's" in said
     best, paper = leaves(load(tmp_path / "best.toml")), leaves(case(4))
     assert best["controller.observer.l0"] == 7
     assert best["controller.nftsm.beta"] == paper["controller.nftsm.beta"]

@@ -89,12 +89,28 @@ def test_a_margin_below_its_bound_or_a_violated_mean_is_no_certificate() -> None
 def test_words_say_what_is_supported_and_by_what() -> None:
     draws = DEFAULT.draws_of_stage(0)
     passed = replace(DEFAULT, draws=draws, machines=59)
-    assert passed.words == (
-        f"Certified with 95 % confidence: bounds hold in ≥ 99.5 % of draws (0 of {draws} fresh ones violate one); "
-        "margins hold on ≥ 94.25 % of machines (0 of 59 fresh ones below)"
+    (words,) = passed.sentences
+    assert words == (
+        f"certified with 95 % confidence: bounds hold in ≥ 99.5 % of draws (0 of {draws} fresh ones violate one), "
+        "and margins hold on ≥ 94.25 % of machines (0 of 59 fresh ones below)"
     )
-    failed = replace(DEFAULT, draws=64, violations=2, machines=6, machines_below=1)
-    assert failed.words.startswith("Not certified with 95 % confidence: ")
-    assert "(2 of 64 fresh ones violate one, asked for: 99.5 %)" in failed.words
-    assert "(1 of 6 fresh ones below)" in failed.words
-    assert "Not certified: no draws examined" in replace(failed, draws=0, violations=0).words
+
+
+def test_words_say_why_nothing_is_certified_and_what_is_supported_instead() -> None:
+    few = replace(DEFAULT, draws=448, machines=59)
+    obstacle, support = few.sentences
+    assert obstacle == "not certified: 448 fresh draws, 0 of which violate a bound, are too few for 99.5 %"
+    assert support == (
+        "with 95 % confidence, bounds hold in ≥ 99.11 % of draws (0 of 448 fresh ones violate one), "
+        "and margins hold on ≥ 94.25 % of machines (0 of 59 fresh ones below)"
+    )
+    below = replace(DEFAULT, machines=6, machines_below=1)
+    assert below.sentences[0] == "not certified: on 1 of 6 fresh machines a margin is below its bound"
+    assert replace(DEFAULT, machines=59).sentences[0] == "not certified: no fresh draws were run"
+    assert DEFAULT.sentences == ["not certified: no fresh draws were run"]
+    many = replace(few, draws=64, violations=6)
+    assert many.rejected
+    assert many.sentences[0] == "not certified: 6 of 64 fresh draws violate a bound, more than 99.5 % allows"
+    passed = replace(few, draws=DEFAULT.draws_of_stage(0))
+    mean = replace(passed, means={"mean.chatter <= 4 N": 0.1})
+    assert mean.sentences[0] == "not certified: over the fresh draws, mean.chatter <= 4 N is violated"

@@ -15,7 +15,7 @@ from dualwinch.tuning.scoring.budget import SelectionBudget
 from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, Certification, select
+from dualwinch.tuning.scoring.selection import NOT_CHOSEN, Certification, select
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.storage.store import MemoryStorage
 from dualwinch.tuning.study import Search, SearchBudget
@@ -148,7 +148,7 @@ def test_the_test_set_never_chooses_and_a_contradiction_is_said(
     assert verdict.contradiction == ""
     monkeypatch.setattr(selection, "improves_on", lambda *_: False)
     words = selection._contradiction(verdict.scores, verdict.certificate, verdict.constraints)
-    assert words == CONTRADICTED
+    assert words == selection.LESS_ERROR
 
 
 def test_the_start_and_the_papers_gains_are_one_where_they_do_the_same(make_problem: MakeProblem) -> None:
@@ -291,11 +291,11 @@ def test_a_violation_that_is_as_rare_as_fresh_draws_support_is_no_contradiction(
     best = scores["best"].feasible
     rare = scores | {"best": replace(scores["best"], feasible=replace(best, violations={label: 0.1}, violated=1))}
     certificate = SampleCertificate(0.005, 0.95, 1, 797, 0)
-    assert selection._contradiction(rare, None, constraints) == CONTRADICTED
+    assert selection._contradiction(rare, None, constraints) == selection.LESS_VIOLATION
     assert selection._contradiction(rare, certificate, constraints) == ""
     often = replace(rare["best"].feasible, violated=best.scenarios // 2)
     frequent = rare | {"best": replace(scores["best"], feasible=often)}
-    assert selection._contradiction(frequent, certificate, constraints) == selection.PROBABILITY_CONTRADICTED
+    assert selection._contradiction(frequent, certificate, constraints) == selection.MORE_VIOLATIONS
 
 
 def test_means_of_the_first_line_are_those_within_the_motors_authority(
