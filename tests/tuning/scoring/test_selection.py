@@ -10,7 +10,7 @@ from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.scoring import selection, test_set
+from dualwinch.tuning.scoring import clock, selection, test_set
 from dualwinch.tuning.scoring.budget import SelectionBudget
 from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -231,6 +231,22 @@ def test_the_reserve_for_runs_of_the_papers_gains_is_what_they_took_before(
     certification = examined(evaluator, trials, SelectionBudget(rollouts=before + STAGE + second + STAGE // 2))
     assert len(certification.examined) == 2
     assert evaluator.rollouts - before < STAGE + 2 * second
+
+
+def test_where_time_is_short_leaders_are_examined_as_long_as_it_lasts(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Draws that take a day leave no time for another certificate, nor for more search; the next leader is examined."""
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
+    trials, day, hour = studied(evaluator), 86400.0, 3600.0
+    evaluator.meter.draw_seconds += day
+    monkeypatch.setattr(selection, "worst_of", violating([STAGE, 0], STAGE))
+    certification = Certification(evaluator)
+    certification.add(trials)
+    searches = list[int]()
+    certification.run(SelectionBudget(until=clock.without_compiling() + hour), lambda: searches.append(1))
+    assert [each.certificate.violations for each in certification.examined] == [STAGE, 0]
+    assert not searches
 
 
 def test_without_rollouts_for_another_the_best_is_stated_with_its_probability(
