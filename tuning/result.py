@@ -103,6 +103,12 @@ class TuningResult:
         return self.problem.tuned(self.verdict.best.point)
 
     @property
+    def supported(self) -> bool:
+        """Whether the best satisfies every bound; in an ensemble by a certificate, not contradicted by the test set."""
+        verdict, certificate = self.verdict, self.verdict.certificate
+        return certificate.satisfied and not verdict.contradiction if certificate else verdict.scored.feasible
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Deficiencies of the best's loop on the nominal machine, and constraints that bound nothing."""
         return *self.instabilities, *self._late, *self._unbounded
@@ -406,9 +412,9 @@ def authority(tuned: TuningResult) -> str:
 
 
 def advice(tuned: TuningResult) -> list[str]:
-    """Remedies if the start is kept, the best violates a constraint or is no better in the test set; else empty."""
+    """Remedies if the start is kept, or the best is not supported; else empty."""
     verdict, problem = tuned.verdict, tuned.problem
-    if verdict.improved and verdict.scored.feasible and not verdict.contradiction:
+    if verdict.improved and tuned.supported:
         return []
     remedies: list[str] = []
     if undamping := undamped(problem.experiment):

@@ -25,7 +25,7 @@ Reference for 3: Khalil, Nonlinear Systems, 2002, Sections 7.2 and 14.1.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from dualwinch.controllers.controller import Controller
@@ -94,6 +94,15 @@ class Shares:
     damping: Annotated[float, Quantity("1", "share of the damping of the drums")] = 1.0
     integral: Annotated[float, Quantity("1", "share of the gains of observers and tension integrals")] = 1.0
     fading: bool = False
+
+    def towards(self, shares: "Shares") -> "Shares":
+        """Half of the way to other shares, by geometric means."""
+        return replace(
+            self,
+            bandwidth=math.sqrt(self.bandwidth * shares.bandwidth),
+            damping=math.sqrt(self.damping * shares.damping),
+            integral=math.sqrt(self.integral * shares.integral),
+        )
 
     @property
     def named(self) -> dict[str, float]:

@@ -265,15 +265,9 @@ def next_steps(tuned: TuningResult, folder: Path, own: str = "", following: str 
     words = "Find which imperfection breaks it first; this report will then show it:"
     steps.append((words, _stress_command(folder, own)))
     steps.append(("Look at a run:", f"dualwinch simulate --config {best}{own} --plot run.png"))
-    if is_supported(tuned):
+    if tuned.supported:
         steps.append(("Put it on hardware, as C99:", f"dualwinch export c --config {best}{own} --out firmware"))
     return steps
-
-
-def is_supported(tuned: TuningResult) -> bool:
-    """Whether the best gains satisfy every bound, in an ensemble by a certificate."""
-    verdict, certificate = tuned.verdict, tuned.verdict.certificate
-    return certificate.satisfied and not verdict.contradiction if certificate else verdict.scored.feasible
 
 
 def _length(mean_square: float) -> str:

@@ -72,3 +72,9 @@ def test_the_damping_fades_where_its_lag_is_a_quarter_of_the_drums_period() -> N
     assert leaves(formula_design(widely, Shares(fading=True)))["controller.winch_1.fade"] == pytest.approx(
         2 * faded["controller.winch_1.fade"]
     )
+
+
+def test_half_of_the_way_to_other_shares_is_a_geometric_mean() -> None:
+    half = Shares(bandwidth=0.49, damping=0.7).towards(Shares(fading=True))
+    assert half.named == pytest.approx({"bandwidth": 0.7, "damping of the drums": 0.7**0.5, "integral action": 1.0})
+    assert not half.fading, "the machine of the first asks for none"
