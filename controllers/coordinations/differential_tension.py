@@ -1,13 +1,13 @@
 """Differential-tension coordination: one force command becomes two tension commands (paper Sections 3.2, 3.3, E11)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 from dualwinch.controllers.coordinations.command_shaping import drum_resonance
 from dualwinch.controllers.coordinations.winch_pid import DrumMotion, WinchGains, WinchState, winch_step
 from dualwinch.controllers.limits import Limits, within_limits
 from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate
-from dualwinch.model.drum_on_rope import drum_impedance
+from dualwinch.model.drum_on_rope import drum_frequency, drum_impedance
 from dualwinch.model.quantities.quantity import Tied
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import rope_lengths
@@ -50,14 +50,14 @@ def follow_tensions(
         context.nominal.sides, loops, commands, measured, rope_lengths(setpoint.x, track), gains, strict=True
     ):
         radius, turns = side.winch.drum_radius, side.direction / side.winch.drum_radius
-        here, drum, impedance = pid.on(length, track), None, 0.0
+        here, drum = pid.on(length, track), None
         if present(here.shaping):
             drum = drum_resonance(side, command, length, track, here.damping)
+        motion = DrumMotion(turns * setpoint.a, omega - turns * setpoint.v, turns * (estimate.v - setpoint.v))
         if present(pid.damping):
             impedance = pid.share(length, track) * radius * drum_impedance(side, length, track)
-        motion = DrumMotion(
-            turns * setpoint.a, omega - turns * setpoint.v, turns * (estimate.v - setpoint.v), impedance
-        )
+            frequency = drum_frequency(side, command, length, track)
+            motion = replace(motion, impedance=impedance, frequency=frequency)
         steps.append(winch_step(loop, command, tension, motion, side.winch, here, context, drum))
     (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = steps
     return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, tau_1, tau_2, either(saturated_1, saturated_2))

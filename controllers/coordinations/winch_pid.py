@@ -16,11 +16,14 @@ which as a motor torque per drum speed is sqrt(E A mu) R²/G.
   tension, down to zero: a drum braked in one direction only would oscillate until its rope is slack.
 - A drum that swings on its rope overshoots its command. A reference governor limits the command so that the tension
   predicted a quarter of a period ahead, where the speed of the stretch has become tension, is at most the largest
-  (`governed`). Every later peak is a quarter of a period ahead at some time.
+  (`governed`). Every later peak is a quarter of a period ahead at some time. The speed of the stretch is that of the
+  drum, which takes up a slack rope, or of the measured tension, whichever is larger: after a jerk the rotor oscillates
+  on its gearbox, and its encoder does not show how the drum moves.
 - The tension command is shaped by the drum's resonance (`controllers.coordinations.command_shaping`) to the damping
   ratio ``shaping``, which the position law sees in place of the drum's own.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -32,7 +35,7 @@ from dualwinch.controllers.parts import Context
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.ropes import Track
-from dualwinch.model.scalar import Scalar, clip, maximum, minimum, present, where
+from dualwinch.model.scalar import Scalar, clip, has_begun, maximum, minimum, present, where
 from dualwinch.model.winch import Winch, total_inertia
 
 LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
@@ -101,12 +104,14 @@ class DrumMotion:
         drift: the same of a drum that turns with the vehicle.
         impedance: tension in N per rad/s that the speed of the drum relative to the vehicle becomes within a quarter of
             a period, ``sqrt(k m) R`` with the rope's stiffness k and the mass m that moves.
+        frequency: of the drum on its taut rope in rad/s, ``sqrt(k/m)``.
     """
 
     alpha_d: Scalar = 0.0
     slip: Scalar = 0.0
     drift: Scalar = 0.0
     impedance: Scalar = 0.0
+    frequency: Scalar = math.inf
 
 
 @dataclass(frozen=True)
@@ -117,6 +122,7 @@ class WinchState:
     error_previous: Annotated[Scalar, Quantity("N", "tension error of the last sample")] = 0.0
     primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
     slip: Annotated[Scalar, Quantity("rad/s", "low-passed drum speed beyond that of the reference")] = 0.0
+    tension: Annotated[Scalar, Quantity("N", "low-passed measured tension")] = 0.0
     shaped: Any = NO_STATE
 
 
@@ -143,11 +149,13 @@ def winch_step(
     shape = state.shaped
     if drum is not None:
         shape, command = shaped(shape, command, drum, gains.shaping, sample_time, state.primed)
-    slow, stretching = state.slip, 0.0
+    slow, stretching, level = state.slip, 0.0, state.tension
     if present(gains.damping):
         ahead, slow = _ahead(slow, motion.slip, gains.lead, sample_time)
         stretching = ahead - motion.drift
-        command = governed(command - gains.damping / to_torque * motion.drift, motion, limits)
+        before = where(has_begun(state.primed), level, tension)
+        swing, level = _swing(before, tension, motion, sample_time)
+        command = governed(command - gains.damping / to_torque * motion.drift, swing, limits)
     error = command - tension
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
@@ -158,24 +166,35 @@ def winch_step(
     if present(gains.damping):
         torque = clip(torque - gains.damping * stretching, 0.0, to_torque * limits.tension_max)
     clamped_integral = state.integral + sample_time * where(saturated, 0.0, error)
-    return WinchState(clamped_integral, error, 1.0, slow, shape), torque, saturated
+    return WinchState(clamped_integral, error, 1.0, slow, level, shape), torque, saturated
 
 
-def governed(command: Scalar, motion: DrumMotion, limits: Limits) -> Scalar:
+def governed(command: Scalar, swing: Scalar, limits: Limits) -> Scalar:
     """A tension command in N within its limits that the swinging drum does not make exceed the largest tension.
 
     Reference governor (Garone, Di Cairano and Kolmanovsky, Automatica 75, 2017, 306-328) of the drum on its rope, whose
-    tension under a constant command c is ``F(t) = c + (F - c) cos(wt) + Z ds/dt sin(wt)``, ds/dt the speed of the
-    stretch: a quarter of a period ahead ``c + Z ds/dt``. The drum's damping, left out here, makes it less.
+    tension under a constant command c is ``F(t) = c + (F - c) cos(wt) + swing sin(wt)`` with the rate of the tension
+    over w as `swing` in N: a quarter of a period ahead ``c + swing``. The drum's damping, left out here, makes it less.
 
     Example:
-        >>> limits = Limits(tension_max=6000.0)
-        >>> [governed(5500.0, DrumMotion(slip=slip, impedance=1e4), limits) for slip in (0.0, 0.1, -0.1)]
+        >>> [governed(5500.0, swing, Limits(tension_max=6000.0)) for swing in (0.0, 1000.0, -1000.0)]
         [5500.0, 5000.0, 5500.0]
     """
-    swing = motion.impedance * maximum(motion.slip - motion.drift, 0.0)
-    largest = clip(limits.tension_max - swing, limits.tension_min, limits.command_max)
+    largest = clip(limits.tension_max - maximum(swing, 0.0), limits.tension_min, limits.command_max)
     return clip(command, limits.tension_min, largest)
+
+
+SMOOTHING = 0.25
+"""Time constant of the low-pass from which the rate of a tension is taken, over 1/w of the drum on its rope."""
+
+
+def _swing(level: Scalar, tension: Scalar, motion: DrumMotion, sample_time: float) -> tuple[Scalar, Scalar]:
+    """Tension in N that the speed of the stretch becomes a quarter of a period ahead, and the low-passed tension.
+
+    The larger of ``Z ds/dt``, by the drum's speed relative to the vehicle, and ``dF/dt/w``, by the measured tension.
+    """
+    rise = (tension - level) / (SMOOTHING + motion.frequency * sample_time)
+    return maximum(motion.impedance * (motion.slip - motion.drift), rise), tension - SMOOTHING * rise
 
 
 LEAD_RATIO = 6.0

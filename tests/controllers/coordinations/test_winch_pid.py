@@ -106,7 +106,7 @@ def test_governed_tension_of_an_undamped_drum_hardly_exceeds_its_limit(
     limits, impedance, dt = Limits(), 1e4, 1e-4
     tension, rate, peak = start, 0.05 * speed, start
     for _ in range(round(2 * np.pi / frequency / dt)):
-        command = governed(6000.0, DrumMotion(slip=rate, impedance=impedance), limits)
+        command = governed(6000.0, impedance * rate, limits)
         rate += dt * frequency / impedance * (command - tension)
         tension += dt * frequency * impedance * rate
         peak = max(peak, tension)
@@ -114,6 +114,22 @@ def test_governed_tension_of_an_undamped_drum_hardly_exceeds_its_limit(
     from_rest, from_speed = np.exp(-np.pi / 3**0.5), np.exp(-np.pi / 3**1.5)
     beyond = from_rest * step + from_speed * swing if speed > 0 else from_rest * np.hypot(step, swing)
     assert peak <= 6000 + 1.01 * beyond
+
+
+@pytest.mark.parametrize("rise", [-3e4, 3e4, 1e5])
+def test_a_rising_tension_limits_the_command_whatever_the_rotor_does(rise: float) -> None:
+    """A rope whose tension rises by dF/dt will have dF/dt/w more; the rotor, free on its gearbox, runs backwards."""
+    gains, frequency, limits = WinchGains(kp=0.0, ki=0.0, damping=1.0), 50.0, Limits()
+    for slip in (0.0, -0.1):
+        state, torque = WinchState(), 0.0
+        motion = DrumMotion(slip=slip, impedance=1e4, frequency=frequency)
+        for sample in range(40):
+            tension = 3000.0 + 1e-3 * rise * sample
+            state, torque, _ = winch_step(
+                state, 6000.0, tension, motion, Winch(), gains, Context(Plant(), limits, 1e-3)
+            )
+        command = min(limits.tension_max, (torque + gains.damping * slip) * 36 / 0.8)
+        assert command == pytest.approx(6000 - max(rise, 0.0) / frequency, abs=10.0)
 
 
 def test_proportional_gain_and_damping_fade_on_a_short_rope_where_there_is_damping() -> None:
