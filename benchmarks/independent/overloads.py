@@ -73,7 +73,7 @@ TENSIONS: Mapping[str, Callable[[Runs], str]] = {
     "above 6 kN": lambda runs: f"{np.sum(runs.peak_tension > LIMIT)}",
     "largest peak (N)": lambda runs: f"{np.max(runs.peak_tension):.0f}",
 }
-"""Columns of machines with a slack rope, the time that it is (samples of 1 ms), those above the limit, the largest peak."""
+"""Columns of machines with a slack rope, how long it is, those above the limit, and the largest tension."""
 
 ERRORS: Mapping[str, Callable[[Runs], str]] = {
     "median RMS (mm)": lambda runs: _in_mm(np.median(np.sqrt(runs.mse))),

@@ -1,13 +1,14 @@
 """The table of effects: what it makes of runs, that an effect is one, and that each machine has its own."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.independent.judge import SAMPLES, Conditions, Judge, Runs
-from benchmarks.independent.overloads import OVERLOADS, TENSIONS, judged, table
+from benchmarks.independent.overloads import FAULTS, LATE, OVERLOADS, TENSIONS, judged, table
 from benchmarks.independent.realistic import ON_SITE, Verdict, main, rows
 from benchmarks.independent.site import EFFECTS, draw
 from dualwinch.controllers.paper_controller import paper_controller
@@ -35,11 +36,13 @@ def test_every_row_sets_what_the_machine_knows(paper: Judge, winch: str) -> None
         assert paper.run(STILL, [1], lambda _, at_once=at_once: at_once).samples[0] < 100
 
 
-def test_every_overload_is_one_that_the_machine_knows(paper: Judge) -> None:
-    rows = judged({"paper": (paper, 120.0)}, [1], settings={"give_up": 1e-9})
-    assert rows.keys() == OVERLOADS.keys()
+@pytest.mark.parametrize("effects", [OVERLOADS, FAULTS, LATE], ids=["overloads", "faults", "late"])
+def test_every_overload_is_one_that_the_machine_knows(paper: Judge, effects: Mapping[str, Mapping[str, float]]) -> None:
+    """What a filter is told, the paper's controller does not have."""
+    rows = judged({"paper": (paper, 120.0)}, [1], effects, settings={"give_up": 1e-9})
+    assert rows.keys() == effects.keys()
     assert all(runs["paper"].samples[0] < 100 for runs in rows.values())
-    assert table(rows, TENSIONS).count("\n") == len(OVERLOADS) + 1
+    assert table(rows, TENSIONS).count("\n") == len(effects) + 1
 
 
 def test_what_the_machine_does_not_know_is_refused(paper: Judge) -> None:
