@@ -1,6 +1,7 @@
 """Tune in one call: prepare, search, select and score."""
 
 from dataclasses import replace
+from functools import partial
 
 from dualwinch.codegen.cache import build_seconds
 from dualwinch.model.arguments import instance, whole_number
@@ -20,7 +21,7 @@ from dualwinch.tuning.scoring.budget import (
     seconds_of_test,
 )
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SCORING, SEARCHING, TuningProgress
+from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SEARCHING, TuningProgress
 from dualwinch.tuning.scoring.selection import Certification, select
 from dualwinch.tuning.scoring.starts import prepare_best_start, with_designed_start
 from dualwinch.tuning.storage.connection import quiet
@@ -116,17 +117,18 @@ def tune(
     certification = None if problem.ensemble is None else Certification(evaluator, watch)
     searching = Search(method, proposer, store, evaluator, watch)
     budget = SearchBudget(trials and trials - scored * (not store.continued), seconds=seconds, rollouts=rollouts)
-    limits, last = _limits(evaluator, budget, designing, reserved_seconds)
+    limits, end = _limits(budget, designing)
+    before_test = partial(_before_test, evaluator, end and end - reserved_seconds)
     watch.phase(SEARCHING)
-    if limits.until is not None and last is not None:
+    if limits.until is not None and end is not None:
         now = clock.without_compiling()
-        watch.forecast(prepared - began, limits.until - now, last - now)
+        watch.forecast(prepared - began, limits.until - now, end - now)
 
     def goes_on() -> bool:
         """Examine a leader that is due, and keep the budget of the next certificate, from half of the search on."""
         if certification is None:
             return True
-        keeps = certification.examine_leader(SelectionBudget(last, rollouts))
+        keeps = certification.examine_leader(before_test(rollouts))
         return keeps or limits.remaining(searching.rollouts) > 1 - LEAST_SEARCH
 
     try:
@@ -139,9 +141,8 @@ def tune(
     watch.phase(CERTIFYING)
     if certification:
         total = None if seconds is not None and rollouts is None else rollouts or rollouts_of_search
-        _certify(certification, None if trials or interrupted else searching, store, total, last)
-    watch.phase(SCORING)
-    verdict = select(evaluator, store.finished(), certification, test_scenarios)
+        _certify(certification, None if trials or interrupted else searching, store, before_test(total))
+    verdict = select(evaluator, store.finished(), certification, test_scenarios, watch)
     status = searching.status
     cost = TuningCost(
         rollouts=evaluator.rollouts,
@@ -169,17 +170,14 @@ def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int
     return len(candidates)
 
 
-def _certify(
-    certification: Certification, search: Search | None, store: StudyStorage, rollouts: int | None, until: float | None
-) -> None:
+def _certify(certification: Certification, search: Search | None, store: StudyStorage, budget: SelectionBudget) -> None:
     """Examine leaders after a search, which goes on between them.
 
     Args:
         certification: of the search's evaluator.
         search: that goes on; ``None``: it does not.
         store: of its trials.
-        rollouts: of search and certificates, some more where nothing is certified yet; ``None``: no limit.
-        until: time by `clock.without_compiling`; ``None``: no limit.
+        budget: of search and certificates, with some more rollouts where nothing is certified yet.
     """
     certification.add(store.finished())
 
@@ -188,21 +186,24 @@ def _certify(
             search.run(SearchBudget(search.trials + certification.options.generation))
             certification.add(store.finished())
 
-    if rollouts and not certification.certified:
-        rollouts = round((1 + CERTIFICATE_SHARE) * rollouts)
-    certification.run(SelectionBudget(until, rollouts), search_on)
+    if budget.rollouts and not certification.certified:
+        budget = replace(budget, rollouts=round((1 + CERTIFICATE_SHARE) * budget.rollouts))
+    certification.run(budget, search_on)
 
 
-def _limits(
-    evaluator: Evaluator, budget: SearchBudget, designing: float, reserved: float
-) -> tuple[SearchBudget, float | None]:
-    """A search's budget with its end, and the time by `clock.without_compiling` at which certificates end.
+def _before_test(evaluator: Evaluator, end: float | None, rollouts: int | None) -> SelectionBudget:
+    """Budget of certificates that leave time for the test set until `end`, as estimated at the pace so far."""
+    until = None if end is None else end - seconds_of_test(evaluator.problem.options, evaluator.meter)
+    return SelectionBudget(until, rollouts)
+
+
+def _limits(budget: SearchBudget, designing: float) -> tuple[SearchBudget, float | None]:
+    """A search's budget with its end, and the time by `clock.without_compiling` at which everything ends.
 
     The design of a start counts as search, but leaves it at least the share `LEAST_SEARCH` of its time.
     """
     if budget.seconds is None:
         return budget, None
-    searching = max(budget.seconds - designing, LEAST_SEARCH * budget.seconds)
-    now, test = clock.without_compiling(), seconds_of_test(evaluator.problem.options, evaluator.meter)
-    last = now + searching + TIME_SHARE * budget.seconds + TIME_MORE - reserved - test
-    return replace(budget, until=now + searching, seconds=searching), last
+    searching, now = max(budget.seconds - designing, LEAST_SEARCH * budget.seconds), clock.without_compiling()
+    end = now + searching + TIME_SHARE * budget.seconds + TIME_MORE
+    return replace(budget, until=now + searching, seconds=searching), end

@@ -55,7 +55,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert "bounds hold in ≥ 70 % of draws" in said.out.splitlines()[0]
     assert "test set, with 95 % intervals: mean.mse = " in said.out
     assert "times lower than the paper's and" in said.out
-    assert "(estimator calibrating-kalman, differential-tension) designed for this machine" in said.out
+    assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) " in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
     said_of_it = [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")]
     assert [
