@@ -230,7 +230,7 @@ def test_where_ropes_sag_the_filter_knows_it(tmp_path: Path) -> None:
 def test_where_overloads_are_drawn_the_tensions_of_their_recovery_are_bounded() -> None:
     usual, overloaded = (problem_of(name).constraints for name in ("site", "overload"))
     assert [constraint.label for constraint in overloaded][:2] == [
-        "worst.slack_share <= 0.001",
+        "worst.slack_share <= 0.005",
         "worst.peak_tension <= 7500 N",
     ]
     assert [constraint.label for constraint in overloaded][2:] == [constraint.label for constraint in usual][2:]
