@@ -231,14 +231,23 @@ class PredictionErrorMethod:
         )
 
     def continued(
-        self, start: Floats, noise: NoiseCovariances, progress: progresses.Progress = progresses.no_progress
+        self,
+        start: Floats,
+        noise: NoiseCovariances,
+        progress: progresses.Progress = progresses.no_progress,
+        *,
+        polished: bool = True,
     ) -> ParameterEstimate:
         """The maximum of the likelihood near values, with the noise there as start of its estimation.
+
+        Unless `polished`, it ends at one standard deviation.
 
         Raises:
             DivergedFilterError: the filter diverges.
         """
-        maximum, noise = self._maximum(start, noise, estimated=True, progress=progress, size=1.0)
+        maximum, noise = self._maximum(
+            start, noise, estimated=True, progress=progress, size=1.0 if polished else None, polished=polished
+        )
         if maximum is None:
             raise self._diverged()
         values = unwrapped(self.coordinates().values(maximum.at), self.unknowns)

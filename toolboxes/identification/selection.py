@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from operator import itemgetter
 
 import numpy as np
@@ -42,6 +43,21 @@ def _is_coloured(
     method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances, _deviance: float
 ) -> bool:
     return not are_white(method, experiment, noise)
+
+
+def _checked(
+    model: LogModel,
+    method: PredictionErrorMethod,
+    estimates: Sequence[ParameterEstimate],
+    check: Callable[[ParameterEstimate], Sequence[str]],
+) -> FittedModel:
+    """A model with its likeliest estimate, and what a check says of that."""
+    best, *optima = sorted(estimates, key=lambda each: each.deviance)
+    fit = FittedModel(model, method, best, tuple(optima))
+    try:
+        return replace(fit, remarks=tuple(check(best)))
+    except ImplausibleFitError as error:
+        return replace(fit, refusal=error)
 
 
 @dataclass
@@ -123,9 +139,8 @@ class ModelSelection:
             elif best.finished or best.refusal:
                 return best
             else:
-                place = self.fits.index(best)
-                complete = self._fitted(best.model, check, complete=True)
-                self.fits[place] = self.fits.pop()
+                complete = self._completed(best, check)
+                self.fits[self.fits.index(best)] = complete
                 proposals[complete] = iter(())
 
     def base(self, described: LogModel) -> LogModel:
@@ -290,29 +305,35 @@ class ModelSelection:
         unknowns = *screening.unknowns, *model.nuisances
         unknowns = *unknowns, *clock_parameters([each.key for each in unknowns], experiment, model.options)
         method = PredictionErrorMethod(sections, experiment, unknowns, model.options, screening.threads)
-        number = len(self.fits)
         rough = partial(_is_coloured, method) if self.screening.kinds and not (model.nuisances or complete) else None
-        shares = 1 - 0.5**number, 1 - 0.5 ** (number + 1)  # how many follow is not known
-        words = "fitting" if not model.kinds else f"fitting with {', '.join(model.kinds)}"
-        self.progress(shares[0], words)
         starts, estimates, refusal = self.starts(method), list[ParameterEstimate](), None
-        ends = np.linspace(*shares, len(starts) + 1).tolist()
-        for start, begin, end in zip(starts, ends[:-1], ends[1:], strict=True):
+        for start, progress in zip(starts, self._progresses(model, len(starts)), strict=True):
             try:
-                progress = progresses.part(self.progress, begin, end)
                 estimates.append(method.run(start, progress, unless=rough, polished=False))
             except DivergedFilterError as error:
                 refusal = error
         if not estimates:
             raise refusal or AssertionError
-        best, *optima = sorted(estimates, key=lambda each: each.deviance)
-        fit = FittedModel(model, method, best, tuple(optima))
-        try:
-            fit = replace(fit, remarks=tuple(check(best)))
-        except ImplausibleFitError as error:
-            fit = replace(fit, refusal=error)
+        fit = _checked(model, method, estimates, check)
         self.fits.append(fit)
         return fit
+
+    def _completed(self, fit: FittedModel, check: Callable[[ParameterEstimate], Sequence[str]]) -> FittedModel:
+        """A fit that ended roughly, at the maximum of the likelihood."""
+        method, rough = fit.method, (fit.estimate, *fit.optima)
+        estimates = [
+            method.continued(each.values, each.noise, progress, polished=False)
+            for each, progress in zip(rough, self._progresses(fit.model, len(rough)), strict=True)
+        ]
+        return _checked(fit.model, method, estimates, check)
+
+    def _progresses(self, model: LogModel, count: int) -> Iterator[progresses.Progress]:
+        """Progress of each of several searches for a model; how many models follow is not known."""
+        number = len(self.fits)
+        ends = np.linspace(1 - 0.5**number, 1 - 0.5 ** (number + 1), count + 1).tolist()
+        self.progress(ends[0], "fitting" if not model.kinds else f"fitting with {', '.join(model.kinds)}")
+        for begin, end in pairwise(ends):
+            yield progresses.part(self.progress, begin, end)
 
     def starts(self, method: PredictionErrorMethod) -> list[Floats]:
         """Starts of searches: the unknowns' own, with each Strouhal number at which the logs are likely."""

@@ -71,6 +71,10 @@ def test_noise_is_found_from_far_off() -> None:
     found = estimator.with_measurement_noise(right, noise, filtered)
     assert np.sqrt(found.measurement[1]) == pytest.approx(2e-3, rel=0.05)
     np.testing.assert_allclose(np.sqrt(found.measurement[2:4]), 10, rtol=0.1)
+    for _ in range(4):  # where steps are of the last bit, nothing is extrapolated from them
+        again = estimator.with_measurement_noise(right, found, fitting.filters.run(right, found, gains=False))
+        np.testing.assert_allclose(again.measurement, found.measurement, rtol=0.05)
+        found = again
 
 
 @pytest.mark.parametrize(("minimum", "most"), [(0.0, 3), (0.1, 4), (-0.3, 5), (1.2, 6), (-9.0, 4)])
