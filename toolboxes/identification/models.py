@@ -210,6 +210,13 @@ class FittedModel:
         pairs = zip(estimate.values[count:].tolist(), deviations[count:].tolist(), strict=True)
         return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
 
+    def words(self, count: int) -> str:
+        """Estimates of the first `count` unknowns, each with its standard deviation, in a line."""
+        unknowns, estimate = self.method.unknowns, self.estimate
+        deviations = np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
+        triples = zip(unknowns[:count], estimate.values.tolist(), deviations.tolist(), strict=False)
+        return ", ".join(f"{each.key} = {value:.4g} ± {deviation:.2g}" for each, value, deviation in triples)
+
     def averaged(self, values: Floats, covariance: Floats, by_sheets: Floats) -> tuple[Floats, Floats]:
         """(n,) values and (n, n) covariance of the first unknowns, averaged over this model and its rivals.
 

@@ -108,7 +108,10 @@ class ModelSelection:
         """
         described = LogModel(experiment, self.options)
         if plain or not self.screening.kinds:
-            return self._accepted(self._fitted(described, check, complete=True))
+            fit = self._fitted(described, check, complete=True)
+            if plain and fit.refusal:
+                raise type(fit.refusal)(f"{fit.refusal}; without --plain, alternatives to that machine are compared")
+            return self._accepted(fit)
         base = self.base(described)
         try:
             self._fitted(base, check)
@@ -328,10 +331,18 @@ class ModelSelection:
         return _checked(fit.model, method, estimates, check)
 
     def _progresses(self, model: LogModel, count: int) -> Iterator[progresses.Progress]:
-        """Progress of each of several searches for a model; how many models follow is not known."""
+        """Progress of each of several searches for a model; how many models follow is not known.
+
+        Its phase has the estimates of the likeliest model so far, too.
+        """
         number = len(self.fits)
         ends = np.linspace(1 - 0.5**number, 1 - 0.5 ** (number + 1), count + 1).tolist()
-        self.progress(ends[0], "fitting" if not model.kinds else f"fitting with {', '.join(model.kinds)}")
+        phase = "fitting" if not model.kinds else f"fitting with {', '.join(model.kinds)}"
+        if self.fits:
+            best = self._likeliest()
+            estimates = "no plausible fit" if best.refusal else best.words(len(self.screening.unknowns))
+            phase += f" · so far {estimates}"
+        self.progress(ends[0], phase)
         for begin, end in pairwise(ends):
             yield progresses.part(self.progress, begin, end)
 

@@ -99,6 +99,16 @@ WORDS = (
 )
 
 
+@pytest.mark.slow
+def test_a_refusal_of_a_plain_fit_says_that_alternatives_may_explain_the_log() -> None:
+    truth = {f"plant.winch_{end}.drum_radius": 0.6 for end in (1, 2)}
+    log = logged(override(machine(simulation__duration=4.0), truth))
+    with pytest.raises(
+        ConfigurationError, match=f"{WORDS}.*; without --plain, alternatives to that machine are compared"
+    ):
+        identify([log], ["plant.vehicle.mass"], machine(), plain=True)
+
+
 @pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize(

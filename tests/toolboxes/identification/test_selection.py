@@ -72,6 +72,25 @@ def test_parameters_are_right_although_the_described_sea_is_of_another_size(fact
     assert any(f"disturbance.normal_force_sigma = {0.1 * factor:.3g}, " in note for note in found.notes)
 
 
+@pytest.mark.slow
+def test_each_phase_has_the_estimates_so_far() -> None:
+    """The first within a fit as described, long before alternatives are compared; progress never goes back."""
+    right = override(machine(simulation__duration=5.0), {"simulation.delay_samples": 2})
+    phases, shares = list[str](), list[float]()
+
+    def progress(fraction: float, phase: str = "", _status: str = "") -> None:
+        phases.append(phase)
+        shares.append(fraction)
+
+    key, alternatives = "plant.vehicle.mass", ["torque-delay"]
+    found = identify([logged(right)], key, machine(), alternatives=alternatives, progress=progress)
+    (later,) = {phase for phase in phases if phase.startswith("fitting with torque-delay")}
+    assert f" · so far {key} = " in later
+    estimate = float(later.split(" = ")[1].split(" ± ")[0])
+    assert estimate == pytest.approx(found.values[0], rel=0.1)
+    assert shares == sorted(shares)
+
+
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_the_delay_of_the_torques_is_seen_in_the_load_cells(delay: int) -> None:
     log = logged(machine(simulation__delay_samples=delay, simulation__duration=5.0))
