@@ -240,7 +240,7 @@ def designed(
         >>> import dualwinch as dw
         >>> design = dw.designed(dw.case(4))
         >>> f"{design.bandwidth:.3g} rad/s"
-        '51.4 rad/s'
+        '71.1 rad/s'
     """
     if not isinstance(machine, Ensemble):
         instance("machine", machine, Experiment)
