@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from dualwinch.analysis.describing_function import describing_gain
 from dualwinch.analysis.margins import BOTH, MARGIN_KINDS, comparable, complementary, least_margins
 from dualwinch.analysis.operating_points import in_calm, still_plant, with_taut_ropes
-from dualwinch.analysis.resonance import LARGE_SIGNAL, LINEAR_SPEED, MARGIN_AMPLITUDES, resonance_terms
+from dualwinch.analysis.resonance import LARGE_SIGNAL, MARGIN_AMPLITUDES, resonance_terms
 from dualwinch.analysis.steady_motion import loop_operating_points, open_sample
 from dualwinch.model.linear.operating_point import resistance
 from dualwinch.model.plant import DisturbanceInputs
@@ -38,8 +38,6 @@ TOGETHER = 48
 ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
 """Keys of the sliding-mode law's odd powers of the speed error."""
 
-REACHING_RATES = "controller.nftsm.eta", "controller.nftsm.k"
-"""Keys of its rates of reaching, which a linear speed reduces with the speed error."""
 
 UNSTABLE, UNSTEADY = "unstable", "no steady motion"
 """Reasons for a margin of 0."""
@@ -98,8 +96,6 @@ class MarginSurvey:
     law feeds back odd powers of it, whose slopes at zero say little about a loop with noisy sensors. For an amplitude,
     the slopes are replaced by describing functions (Khalil, Nonlinear Systems, 2002, Section 7.2): the smoothing is set
     such that the slope of ``|e2|^(2 - p/q)`` equals its describing function; that of ``|e2|^(p/q)`` is then within 4 %.
-    With a linear speed (`controllers.laws.nftsm`) the rates of reaching fall by the ratio of the describing functions
-    of ``|e2|^(p/q)`` with it and without.
 
     Attributes:
         machines: the given machines.
@@ -139,10 +135,7 @@ class MarginSurvey:
         self._parameters = np.array([loop.vector(parameters_of(experiment, nominal)) for experiment, nominal in pairs])
         self._columns = [loop.parameters.index(name) for name in names]
         self._length = loop.parameters.index("plant.track.length")
-        self._powers, self._linear_speed, self._rates = (
-            [loop.parameters.index(key) for key in keys if key in loop.parameters]
-            for keys in (ODD_POWERS, (LINEAR_SPEED,), REACHING_RATES)
-        )
+        self._powers = [loop.parameters.index(key) for key in ODD_POWERS if key in loop.parameters]
         self._amplitudes = tuple(amplitudes) if self._powers else (0.0,)
         self._points = [np.array(survey_points(experiment)) for experiment in calm]
         self.loops = np.array(
@@ -270,9 +263,6 @@ class MarginSurvey:
         slope = describing_gain(amplitude, 2 - p / q, smoothing)
         changed = parameters.copy()
         changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
-        for linear_speed in parameters[:, self._linear_speed].T:
-            widened, narrow = (describing_gain(amplitude, p / q, smoothing, speed) for speed in (linear_speed, 0.0))
-            changed[:, self._rates] *= (widened / narrow)[:, np.newaxis]
         return changed
 
     def _of_places(

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from dualwinch.analysis import margin_survey
-from dualwinch.analysis.describing_function import amplitude_sweep
 from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, survey_points
 from dualwinch.analysis.margins import BOTH, MARGIN_KINDS, margins
@@ -207,21 +206,6 @@ def test_margins_of_gains_do_not_depend_on_those_that_the_machine_has(monkeypatc
     survey = MarginSurvey(machine, problem.space.keys, amplitudes=[0.01])
     margins_of = survey.worst([problem.space.parameters(point) for point in points], ["disk"])
     assert not any(worst["disk"].reason == UNSTEADY for worst in margins_of)
-
-
-@pytest.mark.parametrize("linear_speed", [0.0, 0.01])
-def test_margins_by_amplitude_are_those_of_both_describing_functions(
-    linear_speed: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Within the error of one smoothing for both powers; a linear speed multiplies the gain margin at 30 cm/s by 8."""
-    at(monkeypatch, [(25.0, 0.0)])
-    gains = {"linear_speed": linear_speed, "smoothing": 1e-3, "phi": 0.02}
-    experiment, amplitude = override(PAPER, {f"controller.nftsm.{key}": value for key, value in gains.items()}), 0.3
-    survey = MarginSurvey([experiment], openings=("u",), amplitudes=[amplitude], compiled=False)
-    (worst,), (point,) = survey.worst([[]]), amplitude_sweep(experiment, amplitudes=[amplitude])
-    for kind, of in worst.items():
-        assert of.value == pytest.approx(getattr(point.margins, kind), rel=0.07)
-    assert (worst["gain"].value > 10) == (linear_speed > 0)
 
 
 def of_the_site() -> list[Scenario]:
