@@ -78,7 +78,7 @@ def test_each_phase_has_the_estimates_so_far() -> None:
     right = override(machine(simulation__duration=5.0), {"simulation.delay_samples": 2})
     phases, shares = list[str](), list[float]()
 
-    def progress(fraction: float, phase: str = "", _status: str = "") -> None:
+    def progress(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
         phases.append(phase)
         shares.append(fraction)
 
