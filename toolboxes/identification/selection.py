@@ -1,6 +1,6 @@
 """Selection of a model for logs: the experiment as described, or one with some of the named alternatives."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -45,13 +45,25 @@ def _is_coloured(
     return not are_white(method, experiment, noise)
 
 
-def _checked(
+def _likeliest_of(
     model: LogModel,
     method: PredictionErrorMethod,
-    estimates: Sequence[ParameterEstimate],
+    searches: Iterable[Callable[[], ParameterEstimate]],
     check: Callable[[ParameterEstimate], Sequence[str]],
 ) -> FittedModel:
-    """A model with its likeliest estimate, and what a check says of that."""
+    """A model with the likeliest estimate of several searches, and what a check says of that.
+
+    Raises:
+        DivergedFilterError: the filter diverges in every search.
+    """
+    estimates, refusal = list[ParameterEstimate](), None
+    for search in searches:
+        try:
+            estimates.append(search())
+        except DivergedFilterError as error:
+            refusal = error
+    if not estimates:
+        raise refusal or AssertionError
     best, *optima = sorted(estimates, key=lambda each: each.deviance)
     fit = FittedModel(model, method, best, tuple(optima))
     try:
@@ -309,26 +321,23 @@ class ModelSelection:
         unknowns = *unknowns, *clock_parameters([each.key for each in unknowns], experiment, model.options)
         method = PredictionErrorMethod(sections, experiment, unknowns, model.options, screening.threads)
         rough = partial(_is_coloured, method) if self.screening.kinds and not (model.nuisances or complete) else None
-        starts, estimates, refusal = self.starts(method), list[ParameterEstimate](), None
-        for start, progress in zip(starts, self._progresses(model, len(starts)), strict=True):
-            try:
-                estimates.append(method.run(start, progress, unless=rough, polished=False))
-            except DivergedFilterError as error:
-                refusal = error
-        if not estimates:
-            raise refusal or AssertionError
-        fit = _checked(model, method, estimates, check)
+        starts = self.starts(method)
+        searches = (
+            partial(method.run, start, progress, unless=rough, polished=False)
+            for start, progress in zip(starts, self._progresses(model, len(starts)), strict=True)
+        )
+        fit = _likeliest_of(model, method, searches, check)
         self.fits.append(fit)
         return fit
 
     def _completed(self, fit: FittedModel, check: Callable[[ParameterEstimate], Sequence[str]]) -> FittedModel:
         """A fit that ended roughly, at the maximum of the likelihood."""
         method, rough = fit.method, (fit.estimate, *fit.optima)
-        estimates = [
-            method.continued(each.values, each.noise, progress, polished=False)
+        searches = (
+            partial(method.continued, each.values, each.noise, progress, polished=False)
             for each, progress in zip(rough, self._progresses(fit.model, len(rough)), strict=True)
-        ]
-        return _checked(fit.model, method, estimates, check)
+        )
+        return _likeliest_of(fit.model, method, searches, check)
 
     def _progresses(self, model: LogModel, count: int) -> Iterator[progresses.Progress]:
         """Progress of each of several searches for a model; how many models follow is not known.
