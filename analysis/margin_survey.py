@@ -16,7 +16,7 @@ from dualwinch.analysis.resonance import LARGE_SIGNAL, MARGIN_AMPLITUDES, resona
 from dualwinch.analysis.steady_motion import loop_operating_points, open_sample
 from dualwinch.model.linear.operating_point import resistance
 from dualwinch.model.plant import DisturbanceInputs
-from dualwinch.model.reference import setpoint
+from dualwinch.model.reference import largest_speed
 from dualwinch.simulation.batch.workers import Item, Returned, cores, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
@@ -28,9 +28,6 @@ Indices = NDArray[np.intp]
 
 SHARES = (0.05, 0.5, 0.95)
 """Positions as shares of the track: near its ends, where one rope is short and stiff, and in the middle."""
-
-INSTANTS = 1000
-"""Instants of a run at which the speed of its reference is evaluated."""
 
 TOGETHER = 48
 """Places (gains, machine and point) computed at once, few enough for the processor's cache."""
@@ -78,8 +75,7 @@ def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
 
     The speed is the largest of the reference; it is left out where it requires more force than the machine has.
     """
-    t = np.linspace(0, experiment.duration, INSTANTS)
-    fastest = float(np.abs(setpoint(t, experiment.reference).v).max())
+    fastest = largest_speed(experiment.reference, experiment.duration)
     needed = float(resistance(fastest, DisturbanceInputs(), experiment.plant, experiment.plant.track.length / 2))
     steady = fastest > 0 and abs(needed) < experiment.controller.limits.force
     speeds = (-fastest, 0.0, fastest) if steady else (0.0,)

@@ -3,19 +3,13 @@
 from collections.abc import Collection
 from dataclasses import fields
 
-import numpy as np
-
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.reference import setpoint
+from dualwinch.model.reference import largest_speed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.sensors import DELAYS, Sensors
 
 NOISES = tuple(field.name for field in fields(Sensors) if field.name.endswith("_noise"))
 """Fields that are standard deviations of white noise."""
-
-
-POINTS = 1000
-"""Times of a run at which the reference's speed is looked at."""
 
 
 def sensor_remarks(experiment: Experiment, checked: Collection[str] = ()) -> list[str]:
@@ -41,7 +35,7 @@ def sensor_remarks(experiment: Experiment, checked: Collection[str] = ()) -> lis
             words = f"{key} = {assumed:g} s, where sensors.{name} = {delay:g} s"
         off = ""
         if name == "position_delay":
-            speed = np.abs(setpoint(np.linspace(0.0, experiment.duration, POINTS), experiment.reference).v).max()
+            speed = largest_speed(experiment.reference, experiment.duration)
             off = f", {1e3 * abs(delay - assumed) * speed:.3g} mm off at {speed:.3g} m/s"
         advice = f"; {key} tells it" if key in values and not assumed and not off else ""
         remarks.append(words + off + advice)

@@ -1,6 +1,6 @@
 """Checks of public functions' arguments: a wrong type is a one-line error that names the argument."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,18 @@ def path_of(name: str, value: Any) -> Path:
         return Path(value)
     except TypeError as error:
         raise ConfigurationError(f"{name}: must be a path, not {type(value).__name__}") from error
+
+
+def suffix_of(path: Path, allowed: Collection[str]) -> str:
+    """The suffix of a path in lower case.
+
+    Raises:
+        ConfigurationError: it is none of the allowed ones.
+    """
+    if (suffix := path.suffix.lower()) not in allowed:
+        one_of = "one of " if len(allowed) > 1 else ""
+        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be {one_of}{', '.join(allowed)}")
+    return suffix
 
 
 def texts(name: str, value: Any) -> list[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import annotated_types as at
+import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import (
@@ -200,6 +201,15 @@ def setpoint(t: Scalar, reference: Reference) -> Setpoint:
         (t_3, Setpoint(x_3 - braking.x, braking.v, -braking.a)),
     )
     return piece_at(t, pieces, Setpoint(x_3, 0.0, 0.0))
+
+
+INSTANTS = 1000
+"""Instants at which the speed of a motion is evaluated."""
+
+
+def largest_speed(reference: Reference, duration: float) -> float:
+    """Largest speed in m/s from the beginning to a `duration` in s."""
+    return float(np.abs(setpoint(np.linspace(0.0, duration, INSTANTS), reference).v).max())
 
 
 def departures(t: Scalar, times: Sequence[float], reference: Reference) -> Departures:

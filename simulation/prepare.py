@@ -225,13 +225,15 @@ def check_substeps(experiment: Experiment, solver: Solver) -> None:
         )
 
 
+def memory_room() -> float:
+    """Half of this machine's memory in bytes; infinite where the system does not tell its size."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2 if hasattr(os, "sysconf") else math.inf
+
+
 def check_memory(samples: int, stride: int, columns: int) -> None:
     """Raise `ConfigurationError` if the rows of a run would take more than half of this machine's memory."""
-    if not (stride and hasattr(os, "sysconf")):
-        return
-    room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2
-    bytes_needed = 2 * 8 * columns * samples / stride  # once as rows, once as columns
-    if bytes_needed > room:
+    bytes_needed = 2 * 8 * columns * samples / stride if stride else 0  # once as rows, once as columns
+    if bytes_needed > (room := memory_room()):
         least_stride = math.ceil(stride * bytes_needed / room)
         raise ConfigurationError(
             f"stride = {stride}: must be >= {least_stride}, to keep the rows of {samples} samples within half of the "

@@ -1,7 +1,6 @@
 """Parameters of the tuning method: sample average, cutting set, certificate (`tuning.scoring.selection`)."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from dualwinch.model.errors import ConfigurationError
 
@@ -65,7 +64,3 @@ class TuningOptions:
     def trials_needed(self, gains: int) -> int:
         """Number of trials that a search for a number of gains needs."""
         return self.trials_per_gain * gains
-
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return asdict(self)

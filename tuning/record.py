@@ -97,7 +97,7 @@ def write_study(
             CERTIFICATE: verdict.certificate.draws if verdict.certificate else 0,
             TEST: verdict.scored.scenarios if verdict.has_test_set else 0,
         },
-        "options": problem.options.to_record(),
+        "options": asdict(problem.options),
         "objectives": [{"name": objective.name, "unit": objective.unit} for objective in problem.objectives],
         "constraints": [
             {

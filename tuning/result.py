@@ -29,7 +29,7 @@ from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 from dualwinch.tuning.scoring.rollouts import run_pairs
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
-from dualwinch.tuning.space import ContinuousDimension, Point
+from dualwinch.tuning.space import EDGE, ContinuousDimension, Point
 
 
 @dataclass(frozen=True)
@@ -195,9 +195,6 @@ class TuningResult:
             section("tuned gains", table(["key", "value"], gains, numbers=(1,)), is_open=True),
         )
 
-
-EDGE = 0.02
-"""A gain lies at a bound within this share of its range."""
 
 NOTHING = 1e-3
 """Relative change of a metric below which it counts as unchanged."""

@@ -26,6 +26,10 @@ Point: TypeAlias = dict[str, Value]
 """A candidate: name of a dimension → its value (a number, or the text of a pair)."""
 
 
+EDGE = 0.02
+"""A gain lies at a bound within this share of its range; searches begin further inside."""
+
+
 @dataclass(frozen=True)
 class ContinuousDimension:
     """A number between two bounds.
@@ -474,10 +478,7 @@ def _check_overlap(dimensions: Iterable[Dimension]) -> None:
 
 def space_to_record(space: Space) -> list[dict[str, Any]]:
     """The dimensions of a space: name, keys, unit, and bounds with scale or choices."""
-    return [
-        {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(dimension).items()}
-        for dimension in space.dimensions
-    ]
+    return [asdict(dimension) for dimension in space.dimensions]
 
 
 def space_from(records: Sequence[dict[str, Any]]) -> Space:

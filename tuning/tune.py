@@ -151,7 +151,7 @@ def tune(
         searching=searched - prepared,
         judging=clock.now() - searched,
         overhead=status.overhead,
-        margin_seconds=evaluator.meter.margin_seconds,
+        margin_seconds=evaluator.meter.margins.seconds + evaluator.meter.some_margins.seconds,
         compiling=build_seconds() - built,
         judging_rollouts=evaluator.rollouts - rollouts_of_search,
     )

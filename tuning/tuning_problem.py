@@ -1,7 +1,7 @@
 """A tuning problem from command-line arguments, and as a record that a study keeps."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -252,7 +252,7 @@ def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
         "constraints": [constraint.text for constraint in problem.constraints],
         "scenarios": problem.scenarios,
         "seed": problem.seed,
-        "options": problem.options.to_record(),
+        "options": asdict(problem.options),
         "method": method,
     }
 

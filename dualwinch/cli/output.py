@@ -162,14 +162,11 @@ def check_file(file: Path | None, *suffixes: str) -> None:
         ConfigurationError: a suffix other than these, or a folder that cannot be written to.
     """
     from dualwinch.config.folders import check_place
-    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.model.arguments import suffix_of
 
-    if file is None:
-        return
-    if file.suffix.lower() not in suffixes:
-        one_of = "one of " if len(suffixes) > 1 else ""
-        raise ConfigurationError(f"{file.name}: unknown suffix {file.suffix!r}; must be {one_of}{', '.join(suffixes)}")
-    check_place(file)
+    if file is not None:
+        suffix_of(file, suffixes)
+        check_place(file)
 
 
 LIBRARIES = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")

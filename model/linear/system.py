@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.arguments import one_number
+from dualwinch.model.arguments import one_number, suffix_of
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
@@ -221,24 +221,10 @@ def _write(
     path: str | PathLike[str], first: LinearSystem, own: dict[str, Any], figures: Mapping[str, Any] | None
 ) -> None:
     """Write a file atomically: entries of a system, some of them replaced by `own`."""
-    write_format = writer(path)
+    write_format = WRITERS[suffix_of(Path(path), WRITERS)]
     entries = {field.name: getattr(first, field.name) for field in fields(first)} | own
     with atomic(Path(path)) as unfinished:
         write_format(unfinished, entries | ({"figures": dict(figures)} if figures else {}))
-
-
-def writer(path: str | PathLike[str]) -> Callable[[Path, dict[str, Any]], None]:
-    """The writer for the suffix of a path.
-
-    Raises:
-        ConfigurationError: unknown suffix.
-    """
-    path = Path(path)
-    try:
-        return WRITERS[path.suffix.lower()]
-    except KeyError:
-        allowed = ", ".join(WRITERS)
-        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
 
 
 def _write_json(path: Path, entries: dict[str, Any]) -> None:

@@ -1,6 +1,5 @@
 """Many rollouts in one call: every set of parameters in every scenario, in vector lanes and on all cores."""
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -27,6 +26,7 @@ from dualwinch.simulation.loop.engine import Engine, engine_of
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import final_states, metric_quantities, metrics_of
+from dualwinch.simulation.prepare import memory_room
 from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
 from dualwinch.simulation.scenario import Scenario
@@ -437,17 +437,15 @@ def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]
     Raises:
         ConfigurationError: even the signals of a single thread do not fit.
     """
-    size = threads or cores()
-    if hasattr(os, "sysconf"):
-        room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-        signal_count = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
-        signals = len(exogenous_names(experiment.controller))
-        sample = 8 * (signals + LANES * signal_count)  # random signals are drawn during the run
-        if experiment.samples * sample > room:
-            raise ConfigurationError(
-                f"simulation.duration = {experiment.duration:g}: must be <= "
-                f"{room // sample * experiment.simulation.sample_time:.6g} s in an ensemble, to keep reference and "
-                "given signals within half of the memory"
-            )
-        size = min(size, room // (experiment.samples * sample))
+    room = memory_room()
+    signal_count = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
+    signals = len(exogenous_names(experiment.controller))
+    sample = 8 * (signals + LANES * signal_count)  # random signals are drawn during the run
+    if experiment.samples * sample > room:
+        raise ConfigurationError(
+            f"simulation.duration = {experiment.duration:g}: must be <= "
+            f"{room // sample * experiment.simulation.sample_time:.6g} s in an ensemble, to keep reference and "
+            "given signals within half of the memory"
+        )
+    size = int(min(threads or cores(), room / (experiment.samples * sample)))
     return BLOCKS * LANES * size, size

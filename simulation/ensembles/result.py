@@ -1,7 +1,7 @@
 """The result of an ensemble: outcomes, figures of merit, statistics such as ``mean.mse``, and files."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.files import write_whole
 from dualwinch.controllers.controller import Controller
+from dualwinch.model.arguments import suffix_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Quantity, unknown
@@ -31,7 +32,7 @@ from dualwinch.simulation.plots.style import (
     tension_unit,
     zero_line,
 )
-from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
+from dualwinch.simulation.results.file_formats import FORMATS, MIXED, FileContent
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import known_keys
 
@@ -370,23 +371,13 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
         raise ConfigurationError(
             f"result: is a {type(result).__name__}: must be an EnsembleResult (a run's Result is written by save)"
         )
-    path = Path(path)
-    ensemble_writer(path)(content_of(result, notes or {}), path)
+    suffix, content = suffix_of(path := Path(path), SUFFIXES), content_of(result, notes or {})
+    if suffix != ".json":
+        FORMATS[suffix].write(content, path)
+        return
+    facts = {**content.facts, "units": content.units, "scenarios": content.rows}
+    write_whole(path, json.dumps(facts, indent=1, allow_nan=False) + "\n")
 
 
 SUFFIXES = (*MIXED, ".json")
 """Suffixes of ensemble files."""
-
-
-def ensemble_writer(path: Path) -> Callable[[FileContent, Path], None]:
-    """The writer for a path's suffix.
-
-    Raises:
-        ConfigurationError: an unknown suffix.
-    """
-    return _write_json if path.suffix.lower() == ".json" else format_of(path, SUFFIXES).write
-
-
-def _write_json(content: FileContent, path: Path) -> None:
-    facts = {**content.facts, "units": content.units, "scenarios": content.rows}
-    write_whole(path, json.dumps(facts, indent=1, allow_nan=False) + "\n")

@@ -5,7 +5,7 @@ import math
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.files import atomic, write_whole
-from dualwinch.model.arguments import path_of
+from dualwinch.model.arguments import path_of, suffix_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.figures import plain
@@ -293,15 +293,13 @@ MIXED = (".csv", ".parquet", ".npz")
 """Suffixes of formats whose columns may be texts."""
 
 
-def format_of(path: Path, suffixes: Collection[str] = FORMATS) -> Format:
+def format_of(path: Path) -> Format:
     """The format for a path's suffix.
 
     Raises:
-        ConfigurationError: the suffix is none of `suffixes`.
+        ConfigurationError: there is none.
     """
-    if path.suffix.lower() not in suffixes:
-        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {', '.join(suffixes)}")
-    return FORMATS[path.suffix.lower()]
+    return FORMATS[suffix_of(path, FORMATS)]
 
 
 def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:

@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.toolbox import ConfigurationError, Experiment, Result, drawing, whole_files
+from dualwinch.toolbox import ConfigurationError, Experiment, Result, arguments, drawing, whole_files
 
 FONT = "system-ui, 'DejaVu Sans', 'Segoe UI', Helvetica, Arial, sans-serif"
 
@@ -417,9 +417,7 @@ def save_animation(result: Result, path: str | PathLike[str]) -> None:
         ConfigurationError: the suffix is not ``.svg``, or the run kept no rows.
         OSError: the file cannot be written.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".svg":
-        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be .svg")
+    arguments.suffix_of(path := Path(path), [".svg"])
     whole_files.write_whole(path, animation(result))
 
 

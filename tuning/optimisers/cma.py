@@ -6,16 +6,13 @@ import numpy as np
 
 from dualwinch.tuning.scoring.ranking import Evaluation, penalised_first
 from dualwinch.tuning.scoring.training_set import TrainingSet
-from dualwinch.tuning.space import Point
+from dualwinch.tuning.space import EDGE, Point
 
 SIGMA = 0.2
 """Initial standard deviation, in shares of each range; half of it at a restart."""
 
 NARROWING = 0.25
 """Factor on the standard deviation where it is too wide at first."""
-
-EDGE = 0.02
-"""Least distance of the initial mean from a bound, in shares of the range."""
 
 
 class CmaSearch:

@@ -1,6 +1,7 @@
 """Budgets of a study: what was spent, and what is left for the certificate and the test set."""
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.scoring import clock
@@ -17,59 +18,47 @@ LEAST_SEARCH = 0.5
 
 
 @dataclass
-class Meter:
-    """Rollouts, fresh draws and stability margins so far, and the wall time that they took.
+class Tally:
+    """How often something was computed so far, and the wall time that it took.
 
     Attributes:
-        rollouts: number of rollouts.
-        seconds: their wall time in s.
-        draws: number of fresh draws.
-        draw_seconds: wall time in s of drawing them.
-        margin_seconds: wall time in s of stability margins.
-        machines: number of machines on which a controller's margins were computed in all loops.
-        machine_seconds: their part of `margin_seconds`.
+        count: how often.
+        seconds: wall time in s.
     """
 
-    rollouts: int = 0
+    count: int = 0
     seconds: float = 0.0
-    draws: int = 0
-    draw_seconds: float = 0.0
-    margin_seconds: float = 0.0
-    machines: int = 0
-    machine_seconds: float = 0.0
 
-    def count_runs(self, began: float, rollouts: int) -> None:
-        """Count rollouts that began at a time of `clock.now`."""
-        self.rollouts += rollouts
+    def add(self, began: float, count: int) -> None:
+        """Add what was computed since a time of `clock.now`."""
+        self.count += count
         self.seconds += clock.now() - began
-
-    def count_draws(self, began: float, draws: int) -> None:
-        """Count fresh draws that were drawn since `began`."""
-        self.draws += draws
-        self.draw_seconds += clock.now() - began
-
-    def count_margins(self, began: float, machines: int) -> None:
-        """Count margins since `began` in all loops of some machines; 0 machines: in some loops."""
-        elapsed = clock.now() - began
-        self.margin_seconds += elapsed
-        if machines:
-            self.machines += machines
-            self.machine_seconds += elapsed
 
     @property
     def pace(self) -> float:
-        """Mean wall time of a rollout in s; 0 before the first."""
-        return self.seconds / self.rollouts if self.rollouts else 0.0
+        """Mean wall time in s; 0 before the first."""
+        return self.seconds / self.count if self.count else 0.0
 
-    @property
-    def draw_pace(self) -> float:
-        """Mean wall time of drawing a fresh draw in s; 0 before the first."""
-        return self.draw_seconds / self.draws if self.draws else 0.0
 
-    @property
-    def margin_pace(self) -> float:
-        """Mean wall time in s of a controller's margins on a machine; 0 before the first."""
-        return self.machine_seconds / self.machines if self.machines else 0.0
+@dataclass
+class Meter:
+    """What a study has computed so far.
+
+    Attributes:
+        rollouts: runs of candidates and of other controllers.
+        draws: fresh draws.
+        margins: stability margins, of a controller on a machine in all loops.
+        some_margins: those in some loops alone.
+    """
+
+    rollouts: Tally = field(default_factory=Tally)
+    draws: Tally = field(default_factory=Tally)
+    margins: Tally = field(default_factory=Tally)
+    some_margins: Tally = field(default_factory=Tally)
+
+    def margins_in(self, loops: Collection[int] | None) -> Tally:
+        """Margins in some loops, given by their indices, or in all (``None``)."""
+        return self.margins if loops is None else self.some_margins
 
 
 @dataclass(frozen=True)
@@ -94,12 +83,12 @@ class SelectionBudget:
 
         Times are those at the pace so far.
         """
-        seconds = rollouts * meter.pace + draws * meter.draw_pace + machines * meter.margin_pace
+        seconds = rollouts * meter.rollouts.pace + draws * meter.draws.pace + machines * meter.margins.pace
         in_time = self.until is None or clock.without_compiling() + seconds <= self.until
-        return in_time and (self.rollouts is None or meter.rollouts + rollouts <= self.rollouts)
+        return in_time and (self.rollouts is None or meter.rollouts.count + rollouts <= self.rollouts)
 
 
 def seconds_of_test(options: TuningOptions, meter: Meter) -> float:
     """Estimated time in s of the test set, at the pace so far."""
-    scores = 3 * (meter.pace * options.test + meter.margin_pace * (1 + options.machines_checked))
-    return scores + meter.draw_pace * options.test
+    scores = 3 * (meter.rollouts.pace * options.test + meter.margins.pace * (1 + options.machines_checked))
+    return scores + meter.draws.pace * options.test

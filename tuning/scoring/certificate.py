@@ -10,7 +10,7 @@ violations as it has had, or more, would have a probability below β if that of 
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from scipy.stats import beta, binom
@@ -145,19 +145,14 @@ class SampleCertificate:
 
     def to_dict(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
+        fields = asdict(self)
         return {
-            "violation": self.violation,
+            "violated_means": fields.pop("means"),
+            **fields,
             "probability": 1 - self.violation,
-            "confidence": self.confidence,
-            "candidate": self.candidate,
-            "draws": self.draws,
             "draws_needed": self.draws_of_stage(self.violations),
-            "violations": self.violations,
-            "machines": self.machines,
-            "machines_below": self.machines_below,
             "machine_share": self.machine_share if self.machines else None,
             "machine_share_satisfied": 1 - self.machine_share if self.machines else None,
-            "violated_means": dict(self.means),
             "supported": self.supported,
             "supported_probability": 1 - self.supported,
             "satisfied": self.satisfied,

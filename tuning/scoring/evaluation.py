@@ -13,7 +13,6 @@ from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import CHECKS
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.cutting_set import CuttingSet, Place
@@ -56,11 +55,6 @@ class ArchiveEntry:
     def complete(self) -> bool:
         """Whether all of its runs were completed."""
         return self.evaluation.outcomes.keys() == {"completed"}
-
-
-def _unknown(candidate: Candidate) -> Evaluation:
-    """An evaluation of a candidate that has not been run."""
-    return Evaluation(candidate, (math.nan,), {}, {}, {}, 0, pruned=True)
 
 
 PointKey = tuple[tuple[str, Value], ...]
@@ -110,7 +104,7 @@ class Evaluator(Scorer):
         """Evaluate a batch of candidates; an interrupt keeps nothing of it."""
         self.find_active_loops()
         before, single = self.rollouts, len(self.problem.objectives) == 1
-        entries = [ArchiveEntry(candidate, _unknown(candidate)) for candidate in candidates]
+        entries = [ArchiveEntry(each, Evaluation(each, (math.nan,), {}, {}, {}, 0, pruned=True)) for each in candidates]
         self._halve(entries) if single else self._examine(entries)
         self.archive |= {point_key(entry.candidate): entry for entry in entries}
         if self.problem.ensemble is not None and single:
@@ -223,7 +217,8 @@ class Evaluator(Scorer):
     def _learn_loops(self, candidate: Candidate) -> Margins:
         began, parameters = clock.now(), self.problem.space.parameters(candidate.point)
         margins = self.cutting.learn_loops(parameters, self._kinds)
-        self.meter.count_margins(began, len(self.cutting.survey.machines) if self.cutting.survey else 0)
+        if self.cutting.survey:
+            self.meter.margins.add(began, len(self.cutting.survey.machines))
         return margins
 
     def find_active_loops(self) -> None:
@@ -256,7 +251,7 @@ class Evaluator(Scorer):
         demands = force_demands(draws)
         within = with_authority(demands, problem.options.authority)
         lags = np.array([demand.shortfall for demand in demands])
-        self.meter.count_draws(began, count)
+        self.meter.draws.add(began, count)
         return FreshDraws(beyond_authority_as_hard(draws, within), lags <= LARGEST_LAG)
 
     def learn(self, entry: ArchiveEntry, draws: "FreshDraws", runs: RunOutcomes, means: FreshMeans) -> int:
@@ -276,7 +271,8 @@ class Evaluator(Scorer):
         worst = worst_of(row, self.training.constraints)[0]
         violating = np.flatnonzero(worst > 0).tolist()
         statistics = entry.evaluation.statistics
-        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in self._bounds_on_means}
+        on_means = [bound for bound in self.training.constraints if bound.kind == "mean"]
+        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in on_means}
         self.cutting.learn_back_off(means.violations, training)
         cuts = [replace(scenarios[index], hard=True) for index in violating]
         numbers = self.cutting.add_draws(cuts, worst[violating])
@@ -287,10 +283,6 @@ class Evaluator(Scorer):
         self.refresh([entry])
         self._keep_off()
         return len(violating)
-
-    @property
-    def _bounds_on_means(self) -> list[Constraint]:
-        return [bound for bound in self.training.constraints if bound.kind == "mean"]
 
     def _keep_off(self) -> None:
         """Apply the present back-off to all candidates of the archive."""
@@ -316,7 +308,7 @@ class Evaluator(Scorer):
         survey = MarginSurvey(draws, problem.space.keys, threads, amplitudes=amplitudes)
         loops = None if places is None else survey.loops_at(places)
         (margins,) = survey.each([parameters], self._kinds, loops)
-        self.meter.count_margins(began, len(draws) if loops is None else 0)
+        self.meter.margins_in(loops).add(began, len(draws))
         violations = [
             max(bound.violation(bound.statistic.of(of)) for bound in bounds)  # type: ignore[union-attr]
             for of in margins

@@ -56,12 +56,12 @@ class Scorer:
     @property
     def rollouts(self) -> int:
         """Number of rollouts so far."""
-        return self.meter.rollouts
+        return self.meter.rollouts.count
 
     @property
     def seconds(self) -> float:
         """Wall time of the rollouts in s."""
-        return self.meter.seconds
+        return self.meter.rollouts.seconds
 
     def start(self) -> Evaluation:
         """Evaluate the start in the training set, from the rollouts of `prepare`."""
@@ -116,7 +116,7 @@ class Scorer:
         began, space = clock.now(), self.problem.space
         points = [candidate.point for candidate in candidates]
         worst = machines.worst([space.parameters(point) if point else () for point in points], self._kinds, loops)
-        self.meter.count_margins(began, len(points) * len(machines.machines) if loops is None else 0)
+        self.meter.margins_in(loops).add(began, len(points) * len(machines.machines))
         return list(worst)
 
     def run(
@@ -137,7 +137,7 @@ class Scorer:
             points = [space.parameters(candidate.point) for candidate in candidates]
             max_slack = None if to_the_end else self._max_slack
             result = run_pairs(space.keys, points, scenarios, self._workers, max_slack)
-        self.meter.count_runs(began, result.outcomes.size)
+        self.meter.rollouts.add(began, result.outcomes.size)
         return result
 
     def evaluation(

@@ -122,11 +122,6 @@ class Certification:
         return self._evaluator.problem.options
 
     @property
-    def objective(self) -> Statistic:
-        """The first objective."""
-        return self._evaluator.problem.objectives[0]
-
-    @property
     def _start_key(self) -> PointKey:
         return point_key(Candidate(self._evaluator.problem.start, "start"))
 
@@ -323,7 +318,7 @@ def select(
     certificate = examination.certificate if examination else None
     return SelectionResult(
         best=best,
-        obstacle=_obstacle(certification) if best is start else "",
+        obstacle=_obstacle(certification, problem.objectives[0]) if best is start else "",
         contradiction="" if best is start else _contradiction(scores, certificate, test_set.constraints),
         certificate=certificate,
         examined=len(certification.others) if certification else 0,
@@ -342,7 +337,7 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
     return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
 
 
-def _obstacle(certification: Certification | None) -> str:
+def _obstacle(certification: Certification | None, objective: Statistic) -> str:
     """Why the start is kept, in words."""
     if certification is None:
         return NOT_CHOSEN
@@ -351,7 +346,6 @@ def _obstacle(certification: Certification | None) -> str:
         return NONE_BEFORE
     best = min(examinations, key=lambda each: each.merit)
     trial, certificate = best.entry.evaluation, best.certificate
-    objective = certification.objective
     reached = f"trial {trial.number} reaches {objective.name} = {trial.objectives[0]:.4g} {objective.unit}".rstrip()
     violated = [
         f"in {certificate.violations} of {certificate.draws} fresh draws" if certificate.violations else "",

@@ -64,8 +64,7 @@ def test_no_draw_is_in_two_sets_whatever_the_seed(make_problem: MakeProblem) -> 
     assert sum(map(len, sets)) == len(set().union(*sets))
 
 
-def test_options_are_kept_with_a_study_and_probabilities_lie_between_0_and_1() -> None:
-    assert TuningOptions(**OPTIONS.to_record()) == OPTIONS
+def test_probabilities_lie_between_0_and_1() -> None:
     for words in ({"violation": 0.0}, {"violation": 1.0}, {"confidence": 95.0}):
         with pytest.raises(ConfigurationError, match="must be > 0 and < 1"):
             replace(OPTIONS, **words)

@@ -239,7 +239,7 @@ def test_where_time_is_short_leaders_are_examined_as_long_as_it_lasts(
     """Draws that take a day leave no time for another certificate, nor for more search; the next leader is examined."""
     evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
     trials, day, hour = studied(evaluator), 86400.0, 3600.0
-    evaluator.meter.draw_seconds += day
+    evaluator.meter.draws.seconds += day
     monkeypatch.setattr(selection, "worst_of", violating([STAGE, 0], STAGE))
     certification = Certification(evaluator)
     certification.add(trials)
