@@ -7,6 +7,7 @@ import codecs
 import os
 import re
 import unicodedata
+from collections.abc import Sequence
 
 LONGEST_WORD, LONGEST_LINE = 200, 1500
 """Largest number of characters of a word and of a whole line in messages: less than a screen."""
@@ -37,6 +38,11 @@ def one_line(text: object) -> str:
         _escaped(letter) if unicodedata.category(letter) in {"Cc", "Cs"} or letter in BREAKS else letter
         for letter in str(text)
     )
+
+
+def enumeration(words: Sequence[str]) -> str:
+    """Words as an enumeration: ``a``, ``a and b``, ``a, b and c``; empty without any."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def c_comment(text: object) -> str:

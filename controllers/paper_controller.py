@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from dualwinch.codegen.text import enumeration
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
@@ -65,7 +66,7 @@ def adapted(paper: Controller) -> str:
         words.append("damping of drums")
     if _strength(paper.limits) != _strength(Limits()):
         words += ["tension limits", "preload"]
-    return " and ".join([*([", ".join(words[:-1])] if words[1:] else []), *words[-1:]])
+    return enumeration(words)
 
 
 def _damped_throughout(controller: Controller) -> Controller:

@@ -37,6 +37,7 @@ from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity, vector
 from dualwinch.model.ropes import SHORTEST_ROPE, RopeLaw, Track, one_sided
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, sqrt, tanh, where
+from dualwinch.model.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -342,7 +343,7 @@ def rope_pull(
     )
 
 
-ROLLING_SPEED = 0.01
+ROLLING_SPEED = Vehicle.friction_velocity
 """Speed of the rope in m/s over which roller friction changes its sign, as that of the rail (A3)."""
 
 

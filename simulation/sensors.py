@@ -8,6 +8,7 @@ import annotated_types as at
 
 from dualwinch.controllers.parts import Measurement
 from dualwinch.model.plant import Plant, PlantState
+from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, both, clip, exp, floor, maximum, present, quantise, where
@@ -273,40 +274,21 @@ class HeldReadings(Readings):
     x: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
 
 
-DELAYS = ("position_delay", "speed_delay", "tension_delay", "encoder_delay")
+SHAPING = tuple(key for key, leaf in describe(Sensors).items() if Mark.SHAPES_CODE_AT_ZERO in leaf.marks)
+"""Fields whose effect is in the compiled code only where they are not zero."""
+
+DELAYS = tuple(name for name in SHAPING if name.endswith("_delay"))
 """Fields that are delays, in s."""
-
-EFFECTS = ("load_cell_time_constant", "drum_speed_resolution", "position_rate")
-"""Further fields whose effect is in the compiled code only where they are not zero."""
-
-FAULTS = (
-    "position_fault",
-    "speed_fault",
-    "encoder_fault_1",
-    "encoder_fault_2",
-    "load_cell_drift_1",
-    "load_cell_drift_2",
-)
-"""Fields that are sizes of faults, likewise."""
-
-PLACEHOLDER = 1e-3
-"""Their value in a structure."""
 
 
 def sensors_structure(sensors: Sensors) -> Sensors:
     """Sensors of the same compiled code, with placeholder numbers."""
-    silence = silence_of(sensors)
-    outages = {"outage": silence, "outage_length": 1.0} if silence else {}
-    shaping: dict[str, Any] = {
-        name: PLACEHOLDER for name in (*DELAYS, *EFFECTS, *FAULTS) if present(getattr(sensors, name))
-    }
-    shaping |= {"memory": sensors.memory} if is_late(sensors) else {}
-    return Sensors(**outages, **shaping, speed=sensors.speed, tension=sensors.tension)
-
-
-def is_late(sensors: Sensors) -> bool:
-    """Whether a sensor has a delay."""
-    return any(present(getattr(sensors, name)) for name in DELAYS)
+    shaping: dict[str, Any] = {name: 1.0 for name in SHAPING if present(getattr(sensors, name))}
+    if silence := silence_of(sensors):
+        shaping["outage"] = silence
+    if not shaping.keys().isdisjoint(DELAYS):
+        shaping["memory"] = sensors.memory
+    return Sensors(**shaping, speed=sensors.speed, tension=sensors.tension)
 
 
 def delays_beyond_memory(sensors: Sensors, sample_time: Scalar) -> dict[str, Any]:

@@ -132,16 +132,13 @@ def with_settings(
     values = {current(key): value for key, value in values.items()}
     checked: dict[str, Any] = {}
 
-    def located_now(key: str) -> AbstractContextManager[None]:
-        return located(spelling[key])
-
     for described in (describe_choices, describe_parts):  # parts first: they determine which gains exist
         descriptions = described(experiment)
         for key, value in values.items():
             if key in descriptions and key not in checked:
                 with located(spelling[key]):
                     checked[key] = validated(descriptions[key], value)
-        experiment = with_leaves(_with_files(experiment, checked, located_now), checked)
+        experiment = with_leaves(_with_files(experiment, checked, lambda key: located(spelling[key])), checked)
     idle = [key for key in values if key not in checked]
     for key in idle:
         with located(spelling[key]):

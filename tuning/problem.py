@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
+from dualwinch.codegen.text import enumeration
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
@@ -203,8 +204,10 @@ class TuningProblem:
         if not self.bounds_loop_margins:
             return ""
         sizes = [f"{100 * amplitude:.3g}" for amplitude in self.margin_amplitudes]
-        listed = " and ".join(filter(None, (", ".join(sizes[:-1]), sizes[-1])))
-        return f"margins are those at rest and at the reference's largest speed, for speed errors of {listed} cm/s"
+        return (
+            "margins are those at rest and at the reference's largest speed, for speed errors of "
+            f"{enumeration(sizes)} cm/s"
+        )
 
     @property
     def drawn_ensemble(self) -> Ensemble:

@@ -478,7 +478,10 @@ def _check_overlap(dimensions: Iterable[Dimension]) -> None:
 
 def space_to_record(space: Space) -> list[dict[str, Any]]:
     """The dimensions of a space: name, keys, unit, and bounds with scale or choices."""
-    return [asdict(dimension) for dimension in space.dimensions]
+    return [
+        {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(dimension).items()}
+        for dimension in space.dimensions
+    ]
 
 
 def space_from(records: Sequence[dict[str, Any]]) -> Space:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dualwinch.analysis.idealisations import idealisations
+from dualwinch.codegen.text import enumeration
 from dualwinch.reports.claims import Claim, claims
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import data_uri, number_text, write_page
@@ -119,21 +120,17 @@ def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     """Two sentences: the runs, and their result beside the paper's."""
     numbers = sorted({number for number, _kind in runs})
     kinds = [CONTROLLERS[kind] for kind in CONTROLLERS if any(run == kind for _number, run in runs)]
-    cases = f"Case{'s' * (len(numbers) > 1)} {_listing([str(number) for number in numbers])}"
+    cases = f"Case{'s' * (len(numbers) > 1)} {enumeration([str(number) for number in numbers])}"
     plural = "s" * (len(runs) != 1)
-    opening = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {_listing(kinds)}."
+    opening = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {enumeration(kinds)}."
     change = reductions({key: run.metrics for key, run in runs.items()})
     if change is None:
         return opening + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
     merits = metric_quantities()
-    here = _listing([f"{merits[metric].label} by {percent(change[metric])}" for metric in REDUCTIONS])
-    paper = _listing([percent(value, "+g") for value in REDUCTIONS.values()])
+    here = enumeration([f"{merits[metric].label} by {percent(change[metric])}" for metric in REDUCTIONS])
+    paper = enumeration([percent(value, "+g") for value in REDUCTIONS.values()])
     second = f"In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {paper}."
     return f"{opening} {second}".replace(" %", "\N{NO-BREAK SPACE}%")
-
-
-def _listing(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
@@ -204,10 +201,8 @@ def remarks(content: str, runs: Mapping[str, Result]) -> list[str]:
         runs: controller → result, all of one case.
     """
     sentences = []
-    together = _together(content, runs)
-    if together:
-        listed = " and ".join(together) if len(together) < 3 else f"{', '.join(together[:-1])} and {together[-1]}"
-        sentences.append(f"At the scale of the whole run the lines of {listed} coincide.")
+    if together := _together(content, runs):
+        sentences.append(f"At the scale of the whole run the lines of {enumeration(together)} coincide.")
     if content == "error":
         sentences += [f"There, {name} is off the panel; its range is given in words." for name in _off_the_panel(runs)]
     return sentences

@@ -25,8 +25,8 @@ BALANCING_ROUNDS = 6
 BACKWARD_ERROR = 10
 """Relative error of a matrix in units of n eps, with its size n."""
 
-LOST = 1e-11
-"""Relative distance below which a mode is uncontrollable or unobservable: round-off."""
+RANK = 1e-11
+"""Singular values below this count as zero, for matrices or rows of unit size: round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +156,12 @@ def _distances(A: Array, C: Array, eigenvalues: NDArray[np.complex128]) -> Array
 
 def is_controllable(system: LinearSystem, inputs: Sequence[str] | None = None) -> bool:
     """Whether every mode is controllable from the inputs (default: all)."""
-    return bool(np.all(mode_controllability(system, inputs) > LOST))
+    return bool(np.all(mode_controllability(system, inputs) > RANK))
 
 
 def is_observable(system: LinearSystem, outputs: Sequence[str] | None = None) -> bool:
     """Whether every mode is observable from the outputs (default: all)."""
-    return bool(np.all(mode_observability(system, outputs) > LOST))
+    return bool(np.all(mode_observability(system, outputs) > RANK))
 
 
 def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
@@ -179,9 +179,6 @@ def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
 
 
 Matrices: TypeAlias = tuple[Array, Array, Array, Array]
-
-RANK = 1e-11
-"""Singular values below this count as zero, for rows of unit length."""
 
 INTEGRATOR = 1e-10
 """Poles nearer to 0 (discrete: to 1) than this share of the norm of A are integrators."""

@@ -365,7 +365,7 @@ def _steady_errors(axes: Axes, pair: Sequence[Curve], metric: str) -> None:
     unit, name = prefixed_unit("m", max(values) ** (1 / power))
     heights = [value / unit**power for value in values]
     bars = axes.bar(range(len(pair)), heights, width=0.62, color=[run.colour for run in pair])
-    axes.bar_label(bars, [three_digits(height) for height in heights], padding=2, fontsize=8.5)
+    axes.bar_label(bars, [f"{height:#.3g}".removesuffix(".") for height in heights], padding=2, fontsize=8.5)
     axes.margins(y=0.14)
     axes.grid(visible=False)
     axes.set(xticks=[], xlim=(-0.6, len(pair) - 0.4), title=f"{quantity.label} ({name}{'²' if power == 2 else ''})")
@@ -397,8 +397,3 @@ def _observer_changes(axes: Axes, change: Mapping[str, float], colour: str) -> N
     axes.set_xlim(-100, max(0.0, axes.get_xlim()[1]) if max(change.values()) > 0 else 0)
     axes.set_xticks(range(-100, 1, 25), [percent(tick / 100, "g") for tick in range(-100, 1, 25)])
     axes.set_title("change by the observer: measured, and in the paper")
-
-
-def three_digits(value: float) -> str:
-    """A number with three significant digits, trailing zeros kept, e.g. 6.40."""
-    return f"{value:#.3g}".removesuffix(".")

@@ -194,11 +194,6 @@ class Result(Mapping[str, NDArray[np.float64]]):
         return {"outcome": self.outcome, "end_time": self.end_time, **self.metrics}
 
     @property
-    def _law(self) -> str:
-        law = self.experiment.controller.law
-        return law.label or law.kind
-
-    @property
     def _words(self) -> str:
         """Outcome and number of rows and columns; with the solver, if the ropes determine it."""
         ending, rows = self.outcome.replace("_", " "), len(next(iter(self.columns.values())))
@@ -213,7 +208,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
             for name in (*SHOWN_METRICS, *(name for name in quantities if name not in BUILT_IN))
             if not math.isnan(self.metrics[name])
         ]
-        return f"Result({self._law}: {'; '.join([self._words, *merits])})"
+        return f"Result({law_label(self.experiment)}: {'; '.join([self._words, *merits])})"
 
     def _repr_html_(self) -> str:
         """Outcome, figures of merit and columns, for notebooks."""
@@ -224,7 +219,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
             rows.append([name, *texts, readable_unit(quantity.unit), readable(quantity.meaning)])
         columns = table(["column", "lowest", "highest", "unit", "meaning"], rows, numbers=(1, 2))
         return page(
-            self._law,
+            law_label(self.experiment),
             self._words,
             section("figures of merit", self.metrics._repr_html_(), is_open=True),
             section(f"{len(rows)} columns", columns),

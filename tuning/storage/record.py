@@ -1,7 +1,7 @@
 """Records of a study in a storage: its definition, its budget, and evaluations as Optuna trials."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import ContinuousDimension, Space
@@ -26,23 +26,18 @@ def distributions(space: Space) -> "dict[str, BaseDistribution]":
     }
 
 
-def attributes(evaluation: Evaluation, stream: str) -> dict[str, Any]:
-    """The user attributes of an evaluation, with units in their names."""
-    statistics = {f"{name} [{evaluation.units[name]}]": value for name, value in evaluation.statistics.items()}
-    source = {ORIGIN: evaluation.candidate.origin, STREAM: stream}
-    return {**source, OUTCOMES: evaluation.outcomes, SCENARIOS: evaluation.scenarios, **statistics}
-
-
 def finished_trial(evaluation: Evaluation, space: Space, stream: str = "") -> "optuna.trial.FrozenTrial":
     """An evaluation as a complete or pruned Optuna trial; `stream` names the random stream of its search."""
     from optuna.trial import TrialState, create_trial
 
+    attributes = {ORIGIN: evaluation.candidate.origin, STREAM: stream, OUTCOMES: evaluation.outcomes}
+    statistics = {f"{name} [{evaluation.units[name]}]": value for name, value in evaluation.statistics.items()}
     return create_trial(
         state=TrialState.PRUNED if evaluation.pruned else TrialState.COMPLETE,
         values=list(evaluation.costs),
         params=dict(evaluation.point),
         distributions=distributions(space),
-        user_attrs=attributes(evaluation, stream),
+        user_attrs={**attributes, SCENARIOS: evaluation.scenarios, **statistics},
         constraints=evaluation.violations,
         intermediate_values={evaluation.scenarios: evaluation.costs[0]} if evaluation.pruned else None,
     )
