@@ -280,6 +280,9 @@ SHAPING = tuple(key for key, leaf in describe(Sensors).items() if Mark.SHAPES_CO
 DELAYS = tuple(name for name in SHAPING if name.endswith("_delay"))
 """Fields that are delays, in s."""
 
+FAULTS = tuple(name for name in SHAPING if "fault" in name or "cell_drift" in name)
+"""Fields that are sizes of faults."""
+
 
 def sensors_structure(sensors: Sensors) -> Sensors:
     """Sensors of the same compiled code, with placeholder numbers."""

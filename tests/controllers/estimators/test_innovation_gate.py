@@ -10,7 +10,7 @@ from dualwinch.controllers.estimators.innovation_gate import GateState, chi_squa
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.sensors import SHAPING
+from dualwinch.simulation.sensors import FAULTS
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
@@ -24,7 +24,7 @@ NOISY = {
     "simulation.duration": 16.0,
 }
 INTERVALS = {"sensors.fault_start": 6.0, "sensors.fault_period": 4.0}
-PRESENT = {f"sensors.{name}": 1e-30 for name in SHAPING if "fault" in name or "cell_drift" in name}
+PRESENT = {f"sensors.{name}": 1e-30 for name in FAULTS}
 """Sizes without an effect, so that all runs share their code."""
 
 
