@@ -12,8 +12,7 @@ from dualwinch.analysis.steady_motion import LASTING, force_stays, loop_operatin
 from dualwinch.model.arguments import instance, one_number
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.operating_point import OperatingPoint, resistance
-from dualwinch.model.linear.operating_point import operating_point as of_plant
+from dualwinch.model.linear.operating_point import OperatingPoint, operating_points, resistance
 from dualwinch.model.plant import DisturbanceInputs, Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
@@ -26,6 +25,9 @@ from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.sensors import FAULTS
 
 Floats = NDArray[np.float64]
+
+MANY = "; operating_points of dualwinch.model.linear.operating_point takes arrays"
+"""Hint of the error message for more than one number."""
 
 
 def position_in(experiment: Experiment, x: float | None) -> float:
@@ -51,7 +53,7 @@ def operating_point(
 ) -> OperatingPoint:
     """State, torques and tensions with which the vehicle passes x at the constant speed v.
 
-    See `model.linear.operating_point.operating_point` for the distribution of the tensions.
+    See `model.linear.operating_point.operating_points` for the distribution of the tensions.
 
     Args:
         experiment: source of the plant, and of preload and limits unless given.
@@ -74,16 +76,15 @@ def operating_point(
         '3606 N and 200 N'
     """
     x, limits = position_in(experiment, x), experiment.controller.limits
-    return of_plant(
-        x,
-        v,
-        limits.preload if preload is None else preload,
-        experiment.plant,
+    coordinates = {"x": x, "v": v, "preload": limits.preload if preload is None else preload}
+    return operating_points(
+        **{name: one_number(name, value, MANY) for name, value in coordinates.items()},
+        plant=experiment.plant,
         current=current,
         force=force,
         tension_min=limits.tension_min if tension_min is None else tension_min,
         tension_max=limits.tension_max if tension_max is None else tension_max,
-    )
+    )[0]
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def loop_operating_point(
             f"v = {v:g}: steady motion needs a force of {float(needed):.4g} N, must be within ±{limits.force:g} N "
             "(tension_max - reserve - tension_min)"
         )
-    of_plant(x, v, limits.preload, calm.plant, tension_min=limits.tension_min, tension_max=limits.command_max)
+    operating_points(x, v, limits.preload, calm.plant, tension_min=limits.tension_min, tension_max=limits.command_max)
     structure = with_taut_ropes(structure_of(calm))
     loop = closed_loop(structure)
     parameters = loop.vector(parameters_of(calm, nominal and still_plant(nominal)))

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from benchmarks.document import command, markdown, publish
 from dualwinch.controllers.estimators.encoder_calibration import DrumGains
-from dualwinch.model.linear.linearisation import linearise
+from dualwinch.model.linear.linearisation import linearise_at
+from dualwinch.model.linear.operating_point import operating_points
 from dualwinch.model.plant import Plant
 from dualwinch.model.ropes import rope_lengths
 
@@ -62,7 +63,7 @@ def known_after(x: float, v: float, sensors: tuple[str, ...] = ALL) -> Known:
         sensors: those of `NOISE` that are there.
     """
     plant = Plant()
-    system = linearise(x, v, 6000.0, plant, dt=SAMPLE_TIME)
+    (system,) = linearise_at(operating_points(x, v, 6000.0, plant), plant, SAMPLE_TIME)
     point, n = system.operating_point, len(system.states)
     held = [system.inputs.index(name) for name in CONSTANTS]
     size = n + len(CONSTANTS) + len(ERRORS)

@@ -11,9 +11,7 @@ import pytest
 from dualwinch.analysis.linear_loop import linear_closed_loop
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.modes import modes
-from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.ropes import Rope, RopeLaw
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
@@ -25,6 +23,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
 from tests.own_ropes import Bedding, Fading, Root, Stiffening
+from tests.plant_points import linearise, operating_point
 
 EXPERIMENT = replace(case(4, rope=Stiffening()), simulation=Simulation(duration=1.0))
 SOFT, GROWTH = "plant.rope_1.soft", "plant.rope_2.growth"

@@ -5,18 +5,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.operating_point import (
-    PRELOAD,
-    TENSION_MAX,
-    TENSION_MIN,
-    OperatingPoint,
-    operating_point,
-    operating_points,
-)
+from dualwinch.model.linear.operating_point import OperatingPoint
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import (
     DisturbanceInputs,
@@ -53,61 +45,22 @@ def names_of(plant: Plant) -> dict[str, Any]:
     return {"states": tuple(states), "inputs": INPUTS, "outputs": OUTPUTS, "units": UNITS | states}
 
 
-def linearise(
-    x: float | None = None,
-    v: float = 0.0,
-    preload: float = PRELOAD,
-    plant: Plant | None = None,
-    *,
-    current: float = 0.0,
-    force: float = 0.0,
-    tension_min: float = TENSION_MIN,
-    tension_max: float = TENSION_MAX,
-    dt: float | None = None,
-) -> LinearSystem:
-    """The plant without controller, linearised at an operating point.
+def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
+    """The plant without controller, linearised at operating points.
 
     States are those of `PlantState`, with those of ropes with mass or weight and of rotors behind compliant gearboxes;
     inputs the motor torques tau_1 and tau_2, the disturbance force D and the ambient current; outputs x, v, F1, F2,
     omega_1, omega_2. In a cruise, position, rope lengths and the sag's depth are frozen at x: the system is valid for
     motions that are fast compared with length/v. Ropes stay taut, and teeth in contact as at the operating point.
 
-    Arguments are those of `model.linear.operating_point.operating_point`, and `dt`, the sample time in s of a discrete
-    system (zero-order hold); None: continuous time.
+    Args:
+        points: of `model.linear.operating_point.operating_points`.
+        plant: of these points.
+        dt: sample time in s of discrete systems (zero-order hold); None: continuous time.
 
     Raises:
-        ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
-    """
-    machine = plant or Plant()
-    point = operating_point(
-        x, v, preload, machine, current=current, force=force, tension_min=tension_min, tension_max=tension_max
-    )
-    return linearise_at([point], machine, dt)[0]
-
-
-def linearise_sweep(
-    x: ArrayLike | None = None,
-    v: ArrayLike = 0.0,
-    preload: ArrayLike = PRELOAD,
-    plant: Plant | None = None,
-    *,
-    dt: float | None = None,
-    **outside: float,
-) -> list[LinearSystem]:
-    """Many linearisations at once: x, v and preload are broadcast; other arguments as in `linearise`.
-
-    Raises:
-        ConfigurationError: as in `linearise`, for the first invalid point.
-    """
-    machine = plant or Plant()
-    return linearise_at(operating_points(x, v, preload, machine, **outside), machine, dt)
-
-
-def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
-    """The plant linearised at given operating points (see `linearise`).
-
-    Raises:
-        ConfigurationError: a rope is slack: the plant is not differentiable there.
+        ConfigurationError: a rope is slack, where the plant is not differentiable, or a sample time that is not
+            positive.
     """
     for point in points:
         if point.slack_1 or point.slack_2:

@@ -120,9 +120,6 @@ def steady_motion(
 FASTEST = 10.0
 """Bound in m/s on the speed of an operating point, far beyond any possible speed."""
 
-MANY = "; linearise_sweep of dualwinch.model.linear.linearisation takes arrays, and gives the operating points"
-"""Hint of the error message for more than one number."""
-
 TOLERANCE = 1e-9
 """Relative tolerance of limits, for round-off."""
 
@@ -253,45 +250,6 @@ class OperatingPoint:
         return DisturbanceInputs(self.force, self.current)
 
 
-def operating_point(
-    x: float | None = None,
-    v: float = 0.0,
-    preload: float = PRELOAD,
-    plant: Plant | None = None,
-    *,
-    current: float = 0.0,
-    force: float = 0.0,
-    tension_min: float = TENSION_MIN,
-    tension_max: float = TENSION_MAX,
-) -> OperatingPoint:
-    """State, torques and tensions of the steady motion through x at the constant speed v.
-
-    The difference of the tensions balances friction, drag and disturbance. Their sum is the preload, or as near to it
-    as the limits allow, as the controller shares them (paper Section 3.2). An operating point that needs more than
-    tension_max, or torques beyond the winches' limits, is returned with its violations in words.
-
-    Args:
-        x: position in m; default: the middle of the track.
-        v: speed in m/s, -10 to 10; negative: towards winch 2.
-        preload: sum of both tensions in N, between twice tension_min and twice tension_max.
-        plant: default: the paper's.
-        current: ambient current in m/s, constant.
-        force: disturbance force in N along the track, constant.
-        tension_min: lower limit of a tension in N; 0 lets a rope go slack.
-        tension_max: upper limit of a tension in N.
-
-    Raises:
-        ConfigurationError: a point off the track, a rope at its shortest length, a speed, preload or limit out of
-            range.
-    """
-    machine = plant or Plant()
-    x = x if x is None else one_number("x", x, MANY)
-    v, preload = one_number("v", v, MANY), one_number("preload", preload, MANY)
-    return operating_points(
-        x, v, preload, machine, current=current, force=force, tension_min=tension_min, tension_max=tension_max
-    )[0]
-
-
 def operating_points(
     x: ArrayLike | None,
     v: ArrayLike,
@@ -303,10 +261,25 @@ def operating_points(
     tension_min: float = TENSION_MIN,
     tension_max: float = TENSION_MAX,
 ) -> list[OperatingPoint]:
-    """Many operating points at once: x, v and preload are broadcast (see `operating_point`).
+    """State, torques and tensions of the steady motion through each x at the constant speed v.
+
+    The difference of the tensions balances friction, drag and disturbance. Their sum is the preload, or as near to it
+    as the limits allow, as the controller shares them (paper Section 3.2). An operating point that needs more than
+    tension_max, or torques beyond the winches' limits, is returned with its violations in words.
+
+    Args:
+        x: positions in m; default: the middle of the track. x, v and preload are broadcast.
+        v: speeds in m/s, -10 to 10; negative: towards winch 2.
+        preload: sums of both tensions in N, between twice tension_min and twice tension_max.
+        plant: the plant.
+        current: ambient current in m/s, constant.
+        force: disturbance force in N along the track, constant.
+        tension_min: lower limit of a tension in N; 0 lets a rope go slack.
+        tension_max: upper limit of a tension in N.
 
     Raises:
-        ConfigurationError: as in `operating_point`, for the first invalid point.
+        ConfigurationError: a point off the track, a rope at its shortest length, a speed, preload or limit out of
+            range; the message is about the first one.
     """
     coordinates = {"x": plant.track.length / 2 if x is None else x, "v": v, "preload": preload}
     arrays = np.broadcast_arrays(*(np.atleast_1d(number_array(name, values)) for name, values in coordinates.items()))

@@ -6,8 +6,8 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant
+from tests.plant_points import operating_point
 
 STRONG = {
     "plant.track.length": 120,
@@ -56,8 +56,10 @@ def test_a_point_is_one_number_each_of_an_experiment(of: Callable[..., object], 
 
 @pytest.mark.parametrize("of", [dw.operating_point, dw.linearise])
 @pytest.mark.parametrize("name", ["x", "v", "preload"])
-def test_many_points_of_the_plant_are_sent_to_the_sweep(of: Callable[..., object], name: str) -> None:
-    with pytest.raises(ConfigurationError, match=f"^{name}: must be one number, not 2; linearise_sweep of"):
+def test_many_points_of_the_plant_are_sent_to_where_arrays_are_taken(
+    of: Callable[..., object], name: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=f"^{name}: must be one number, not 2; operating_points of"):
         of(dw.case(2), **{name: [2000, 3000]})
 
 

@@ -13,7 +13,6 @@ from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS, app
 from dualwinch.cli.options import default_of, own_default, stated
 from dualwinch.export import export_c, generate_c
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.toolboxes.fmu.export import export_fmu
 from dualwinch.toolboxes.identification.options import DEFAULTS
@@ -29,7 +28,7 @@ CALLED: dict[str, tuple[Callable[..., Any], ...]] = {
     "export fmu": (export_fmu,),
     "export st": (export_st,),
     "identify": (dw.identify,),
-    "linearise": (linearise,),
+    "linearise": (dw.linearise,),
     "preload": (preloads,),
     "race": (dw.race,),
     "sensitivities": (sensitivities,),

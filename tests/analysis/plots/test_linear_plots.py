@@ -15,11 +15,11 @@ from dualwinch.analysis.plots.linear import (
 )
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
+from tests.plant_points import linearise, linearise_sweep
 
 X = np.arange(0.0, 51.0, 5.0)
 

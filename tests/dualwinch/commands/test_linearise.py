@@ -9,7 +9,7 @@ from scipy.io import loadmat
 
 import dualwinch
 from dualwinch.cli import main
-from dualwinch.model.linear.linearisation import linearise
+from tests.plant_points import linearise
 
 
 def test_one_point_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

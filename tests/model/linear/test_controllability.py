@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.properties import (
     is_controllable,
     is_observable,
@@ -11,6 +10,7 @@ from dualwinch.model.linear.properties import (
     sufficient_sensors,
 )
 from dualwinch.model.linear.system import LinearSystem
+from tests.plant_points import linearise
 
 
 def test_a_mode_without_input_and_a_mode_without_output_are_found() -> None:

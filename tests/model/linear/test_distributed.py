@@ -9,14 +9,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.modes import Mode, modes, numbered, track_modes
-from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant, plant
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes import Rope, Track
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
+from tests.plant_points import linearise, operating_point
 
 STIFFNESS = 80e9 * 4.52e-4
 """E A in N of Table 1."""

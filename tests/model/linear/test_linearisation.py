@@ -1,18 +1,18 @@
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import INPUTS, OUTPUTS, STATES, UNITS, linearise, linearise_sweep
+from dualwinch.model.linear.linearisation import INPUTS, OUTPUTS, STATES, UNITS
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import with_leaves
 from tests.model.linear.test_operating_point import CHANGED
 from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
+from tests.plant_points import linearise, linearise_sweep
 
 Array = NDArray[np.float64]
 
@@ -94,17 +94,3 @@ def test_a_sweep_is_the_same_as_one_by_one() -> None:
 def test_a_wrong_point_in_a_sweep_is_named() -> None:
     with pytest.raises(ConfigurationError, match=r"^x = 60: must be"):
         linearise_sweep(np.array([10.0, 60.0]))
-
-
-def test_arguments_may_be_given_in_the_order_of_an_operating_point() -> None:
-    plant = with_leaves(Plant(), CHANGED, "plant.")
-    by_position, by_name = linearise(10, 1.8, 2500, plant), linearise(plant=plant, preload=2500, v=1.8, x=10)
-    np.testing.assert_array_equal(by_position.A, by_name.A)
-    assert by_position.operating_point == by_name.operating_point
-    assert (by_position.operating_point["x"], by_position.operating_point["v"]) == (10, 1.8)
-
-
-@pytest.mark.parametrize("arguments", [(Plant(), 10, 1.8), ("here",), (10, 1.8, Plant())])
-def test_what_is_no_number_is_refused(arguments: Any) -> None:
-    with pytest.raises(ConfigurationError, match=r"^(x|v|preload): must be a number, not \w+$"):
-        linearise(*arguments)

@@ -4,13 +4,13 @@ from math import inf, sqrt
 import numpy as np
 import pytest
 
-from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.linear.modes import Mode, modes, track_modes
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.ropes import Rope
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
+from tests.plant_points import linearise, linearise_sweep
 
 FREE = Vehicle(friction_coefficient=0.0)
 

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from dualwinch.controllers.coordinations.differential_tension import tension_commands
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import linearise
-from dualwinch.model.linear.operating_point import operating_point, operating_points, shared_tensions
+from dualwinch.model.linear.operating_point import operating_points, shared_tensions
 from dualwinch.model.plant import Plant, holding_torques, resting_state
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Track
 from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
+from tests.plant_points import linearise, operating_point
 
 CHANGED = DEFAULTS | {
     "plant.vehicle.added_mass": 3e3,

@@ -2,9 +2,9 @@ import control
 import numpy as np
 import pytest
 
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.properties import dc_gains, zeros
 from dualwinch.model.linear.system import LinearSystem
+from tests.plant_points import linearise
 
 
 @pytest.mark.parametrize("x", [1.0, 25.0, 49.0])

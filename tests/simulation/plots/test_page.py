@@ -26,7 +26,6 @@ from dualwinch.analysis.plots.linear import (
 from dualwinch.analysis.stability import certify
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.run import run_ensemble
@@ -34,6 +33,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.style import house_style
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from tests.plant_points import linearise, linearise_sweep
 from tests.tiers import all_but
 
 Draw = Callable[..., Figure]

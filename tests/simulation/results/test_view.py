@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from dualwinch.analysis.linear_loop import linear_closed_loop
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from tests.plant_points import linearise
 
 
 class Reader(HTMLParser):
