@@ -56,9 +56,7 @@ def test_a_point_is_one_number_each_of_an_experiment(of: Callable[..., object], 
 
 @pytest.mark.parametrize("of", [dw.operating_point, dw.linearise])
 @pytest.mark.parametrize("name", ["x", "v", "preload"])
-def test_many_points_of_the_plant_are_sent_to_where_arrays_are_taken(
-    of: Callable[..., object], name: str
-) -> None:
+def test_many_points_of_the_plant_are_sent_to_where_arrays_are_taken(of: Callable[..., object], name: str) -> None:
     with pytest.raises(ConfigurationError, match=f"^{name}: must be one number, not 2; operating_points of"):
         of(dw.case(2), **{name: [2000, 3000]})
 
