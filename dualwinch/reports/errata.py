@@ -1,4 +1,4 @@
-"""Where the paper is wrong or silent, and what dualwinch does instead; rendered to docs/errata.md and the report."""
+"""Where the paper is wrong or silent, and what dualwinch does instead; shown in docs/errata.md and in the report."""
 
 import tomllib
 from dataclasses import dataclass
@@ -59,30 +59,3 @@ parentheses. An erratum (E) cannot be meant as printed; an assumption (A) suppli
 def places(note: Note) -> tuple[str, ...]:
     """Configuration keys and source files of a note, in that order."""
     return note.keys + note.modules
-
-
-def errata_markdown() -> str:
-    """The table as Markdown: the whole content of docs/errata.md."""
-    sources = (
-        "The report of `dualwinch reproduce` has keys and source files of each, [the paper](paper.md) their effects."
-    )
-    lines = ["# Errata and assumptions", "", INTRODUCTION, sources, ""]
-    for kind, heading in (("erratum", "Errata"), ("assumption", "Assumptions")):
-        paper = "the paper prints" if kind == "erratum" else "the paper leaves open"
-        lines += [
-            f"## {heading}",
-            "",
-            f"| | about | {paper} | dualwinch does |",
-            "|---|---|---|---|",
-        ]
-        for note in NOTES:
-            if note.kind == kind:
-                cells = (
-                    note.id,
-                    note.subject,
-                    note.paper,
-                    " ".join(filter(None, (note.here, note.effect, f"([more]({note.page}))" if note.page else ""))),
-                )
-                lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        lines.append("")
-    return "\n".join(lines).rstrip("\n") + "\n"

@@ -1,4 +1,4 @@
-"""Stability, controllability and observability, transmission zeros and DC gains of a linear system.
+"""Stability, controllability, observability and DC gains of a linear system.
 
 Controllability and observability are tested mode by mode (Popov, Belevitch and Hautus). All measures are taken in
 balanced states (diagonal scaling), with inputs and outputs scaled to unit size, so that the choice of units does not
@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,53 +178,11 @@ def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
     return tuple(minimal_sets)
 
 
-Matrices: TypeAlias = tuple[Array, Array, Array, Array]
-
 INTEGRATOR = 1e-10
 """Poles nearer to 0 (discrete: to 1) than this share of the norm of A are integrators."""
 
 NO_GAIN = 1e-9
 """Gain in balanced units below which an integrator does not reach an output."""
-
-
-def zeros(system: LinearSystem) -> NDArray[np.complex128]:
-    """Finite invariant zeros: rates of input signals that leave the outputs at zero.
-
-    Orthogonal reductions remove zeros at infinity before the eigenvalues are computed (Emami-Naeini and Van Dooren,
-    Automatica 18, 1982), so that none of them appears as a large number. Inputs and outputs may differ in number;
-    uncontrollable and unobservable modes are among the zeros.
-
-    Returns:
-        In 1/s; for a discrete system in the z plane.
-    """
-    part = balanced(system)
-    A, B, C, D = _transposed(_reduced(_transposed(_reduced((part.A, part.B, part.C, part.D)))))
-    return np.linalg.eigvals(A - B @ np.linalg.solve(D, C)).astype(np.complex128)
-
-
-def _transposed(matrices: Matrices) -> Matrices:
-    A, B, C, D = matrices
-    return A.T, C.T, B.T, D.T
-
-
-def _reduced(matrices: Matrices) -> Matrices:
-    """A system with the same finite zeros whose D has full row rank."""
-    A, B, C, D = matrices
-    while True:
-        lengths = np.linalg.norm(np.hstack([C, D]), axis=1, keepdims=True)
-        C, D = (np.where(lengths > RANK, matrix / np.maximum(lengths, RANK), 0.0) for matrix in (C, D))
-        U, sizes, _ = np.linalg.svd(D)
-        fed = int(np.sum(sizes > RANK))
-        C, D = U.T @ C, U.T @ D
-        C_fed, D_fed, C_left = C[:fed], D[:fed], C[fed:]
-        _, sizes, V = np.linalg.svd(C_left)
-        rank = int(np.sum(sizes > RANK))
-        if not rank:
-            return A, B, C_fed, D_fed
-        # zero outputs hold the states they observe at zero; the derivatives of these become the new outputs
-        range_basis, free = V[:rank].T, V[rank:].T
-        C, D = np.vstack([range_basis.T @ A @ free, C_fed @ free]), np.vstack([range_basis.T @ B, D_fed])
-        A, B = free.T @ A @ free, free.T @ B
 
 
 def dc_gains(system: LinearSystem) -> Array:

@@ -110,9 +110,6 @@ def _whole_step(loop: Sampled) -> ca.Function:
 LOOP_OPENINGS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
 """Signals at which the loop can be opened for analysis → the column that returns to the opening."""
 
-ANALYSIS_POINTS = ("F1", "F2", "u", "tau_1", "tau_2")
-"""Analysis points: all signals at which the loop can be opened, each computed from those before it."""
-
 
 @dataclass(frozen=True)
 class Exogenous:
@@ -267,9 +264,9 @@ def closed_loop(
     Parameters (`structure.zeros_of`) and signals (`absent_signals`) in `zeros` are always zero: the functions leave out
     their terms and ignore their values.
 
-    At the `openings`, some of the `ANALYSIS_POINTS`, the loop is opened for analysis: the signals injected there become
-    a fourth input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
-    ``returned``, of `sample`.
+    At the `openings`, some of F1, F2, u, tau_1 and tau_2, each computed from those before it, the loop is opened for
+    analysis: the signals injected there become a fourth input, ``injected``, of `sample`, `observe` and `step`, and the
+    returned signals a further output, ``returned``, of `sample`.
     """
     silence, zero_signals = silence_of(structure.sensors), zero_exogenous(structure.controller)
     queued = _queue_names(structure.delay_samples)

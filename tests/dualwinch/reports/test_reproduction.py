@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from docs.generated.errata import errata_markdown
 from dualwinch.model.quantities.description import describe
-from dualwinch.reports.errata import NOTES, errata_markdown
+from dualwinch.reports.errata import NOTES
 from dualwinch.reports.reproduction import summary, write_report
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CONTROLLERS
