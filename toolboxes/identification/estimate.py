@@ -93,8 +93,7 @@ class PredictionErrorMethod:
        with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
        parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
        are estimated too.
-    3. Noise and values in turn, the values by Newton steps with differences of the likelihood, until it hardly rises;
-       then, with this noise, to a local maximum (`Likelihood.maximum`).
+    3. To a local maximum of the likelihood over values and noise (`Likelihood.maximum`).
     """
 
     def __init__(
@@ -212,10 +211,9 @@ class PredictionErrorMethod:
             information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
             deviance, finished, converged = rough, False, False
         else:
-            maximum, noise = self._maximum(values, noise, estimated, progress, polished=polished)
-            if maximum is None:
-                raise self._diverged()
-            values = unwrapped(coordinates.values(maximum.at), self.unknowns)
+            later = progresses.part(progress, 0.5, 1.0)
+            maximum = self._maximum(values, noise, later, estimated=estimated, polished=polished)
+            values, noise = unwrapped(coordinates.values(maximum.at), self.unknowns), maximum.noise
             information, deviance, finished = maximum.information, maximum.deviance, True
             converged = maximum.converged
         return ParameterEstimate(
@@ -245,16 +243,12 @@ class PredictionErrorMethod:
         Raises:
             DivergedFilterError: the filter diverges.
         """
-        maximum, noise = self._maximum(
-            start, noise, estimated=True, progress=progress, size=1.0 if polished else None, polished=polished
-        )
-        if maximum is None:
-            raise self._diverged()
+        maximum = self._maximum(start, noise, progress, size=1.0 if polished else None, polished=polished)
         values = unwrapped(self.coordinates().values(maximum.at), self.unknowns)
         return ParameterEstimate(
             values=values,
             information=maximum.information,
-            noise=noise,
+            noise=maximum.noise,
             experiment=self.with_values(values),
             deviance=maximum.deviance,
             rough=maximum.deviance,
@@ -306,7 +300,8 @@ class PredictionErrorMethod:
                     return found_in_rounds[likeliest]
                 if estimated and moved < search.noise_distance:  # not with Q at its least
                     noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
-            if moved < search.newton_distance or (before < search.noise_distance and moved > before / 2):
+            near = moved < search.newton_distance or (before < search.noise_distance and moved > before / 2)
+            if near and not (estimated and number < search.cautious_rounds):  # not with Q at its least
                 break
             before = moved
         return values, noise
@@ -315,58 +310,33 @@ class PredictionErrorMethod:
         self,
         values: Floats,
         noise: NoiseCovariances,
-        estimated: bool,
         progress: progresses.Progress,
         size: float | None = None,
         *,
+        estimated: bool = True,
         polished: bool = True,
-    ) -> tuple[LikelihoodMaximum | None, NoiseCovariances]:
-        """The maximum of the likelihood near values, ``None`` if filters diverge, and the noise with it.
+    ) -> LikelihoodMaximum:
+        """The maximum of the likelihood near values; over the noise, too, if that is `estimated`.
 
-        `size` as in `Likelihood.maximum`. It is accurate to one standard deviation, or `polished` to
-        `SearchOptions.accuracy`.
+        It is accurate to one standard deviation, or `polished` to `SearchOptions.accuracy`; `size` as in
+        `Likelihood.maximum`.
+
+        Raises:
+            DivergedFilterError: the filter diverges.
         """
-        coordinates, maximum, first = self.coordinates(), None, size
-        at = coordinates.of(values)
-        for begin in (0.5, 0.7):  # again, where noise is that of a point far away
-            if estimated:
-                at, noise = self._in_turn(at, noise, coordinates, progresses.part(progress, begin, begin + 0.1))
-            there = progresses.part(progress, begin + 0.1, begin + 0.2)
-            maximum = self.likelihood.maximum(at, noise, coordinates, None, first, 1.0, there)
-            if not estimated or maximum is None or maximum.fall < self._search.process_noise_tolerance:
-                break
-            at, first = maximum.at, 1.0
-        if maximum and polished:
-            last = progresses.part(progress, 0.9, 1.0)
-            maximum = self.likelihood.maximum(maximum.at, noise, coordinates, None, 1.0, progress=last)
-        return maximum, noise
-
-    def _in_turn(
-        self, at: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates, progress: progresses.Progress
-    ) -> tuple[Floats, NoiseCovariances]:
-        """Coordinates and noise by maximising the likelihood over either in turn, until it hardly rises.
-
-        Expectation and conditional maximisation (Meng and Rubin, Biometrika 80 (1993) 267); the coordinates by one poll
-        at each turn (`Likelihood.poll`).
-        """
-        search, before = self._search, np.inf
-        for number in range(search.max_steps):
-            progress(number / (number + 2))  # a few turns are usual
-            experiment = self.with_values(coordinates.values(at))
-            noise = self._noise.with_process_noise(experiment, noise)
-            noise = self._noise.with_sea(experiment, noise)
-            noise = self._noise.with_measurement_noise(
-                experiment, noise, self.filters.run(experiment, noise, gains=False)
-            )
-            frame = self.likelihood.frame(at, noise, coordinates)
-            if frame is None:
-                break
-            here = float(self.likelihood.objective([at], noise, coordinates)[0])
-            result = self.likelihood.poll(frame, at, here, 1.0, noise, coordinates)
-            at, fall, before = result.at, before - result.deviance, result.deviance
-            if number + 1 >= search.min_process_noise_steps and fall < search.process_noise_tolerance:
-                break
-        return at, noise
+        coordinates = self.coordinates()
+        maximum = self.likelihood.maximum(
+            coordinates.of(values),
+            noise,
+            coordinates,
+            size=size,
+            accuracy=None if polished else 1.0,
+            around=self._noise.coordinates if estimated else None,
+            progress=progress,
+        )
+        if maximum is None:
+            raise self._diverged()
+        return maximum
 
     @property
     def _has_speed(self) -> bool:

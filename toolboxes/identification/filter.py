@@ -1,6 +1,7 @@
 """Extended Kalman filters over all sections of the logs, in parallel: gains, innovations, smoothed disturbances."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import product
 from typing import Any, TypeVar
 
@@ -29,6 +30,10 @@ from dualwinch.toolboxes.identification.resample import LogSection
 Floats = NDArray[np.float64]
 
 Found = TypeVar("Found")
+
+
+STRETCH = 1 << 14
+"""Samples of which innovations are held in memory for all candidates of a step of scoring."""
 
 
 class LogFilters:
@@ -104,6 +109,41 @@ class LogFilters:
         self.passes += len(candidates)
         found = executors.map_all(lambda pair: deviance(*pair), pairs, self._threads)
         return np.array(found).reshape(len(candidates), -1).sum(axis=1)
+
+    def scoring(self, candidates: Sequence[tuple[Experiment, NoiseCovariances]], sizes: Floats) -> Floats | None:
+        """(m + 1, m + 1) normal equations of a step of Fisher scoring; ``None`` if a filter diverges.
+
+        The first candidate is a machine with noise; each of the m others differs from it by its one of `sizes` in one
+        coordinate. Without the last row and column they are the expected information on the coordinates; the last
+        column is half the slope of the deviance (N. K. Gupta and R. K. Mehra, IEEE Trans. Automatic Control 19 (1974)
+        774). Derivatives of the innovations and their variances are by differences.
+        """
+        normal, outlier = np.zeros((len(candidates),) * 2), self._options.search.outlier
+        parameters = [self.parameters(*each) for each in candidates]
+        walks = [self.process_variances(*each) for each in candidates]
+        self.passes += len(candidates)
+        for section in self.sections:
+            starts = [self.data(*each, section) for each in candidates]
+            beliefs = [(data.start, covariance) for data, covariance in starts]
+            for begin in range(0, len(section.inputs), STRETCH):
+                inputs, readings = (each[begin : begin + STRETCH] for each in (section.inputs, section.readings))
+                arguments = [
+                    (
+                        own,
+                        FilterData(inputs, readings, mean),
+                        FilterCovariances(covariance, walk, noise.measurement),
+                    )
+                    for own, (mean, covariance), walk, (_, noise) in zip(
+                        parameters, beliefs, walks, candidates, strict=True
+                    )
+                ]
+                filtered = partial(self._predictor.filter, outlier=outlier, gains=False, updates=True)
+                runs = executors.map_all(lambda each, by=filtered: by(*each), arguments, self._threads)
+                if not all_completed(runs):
+                    return None
+                normal += _scores([each.updates for each in runs if each.updates is not None], sizes, outlier)
+                beliefs = [each.end for each in runs if each.end is not None]
+        return normal
 
     def predict(
         self,
@@ -184,3 +224,20 @@ def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:
 def deviance_of(filtered: Sequence[FilterPass]) -> float:
     """Minus twice the log-likelihood of the innovations of all sections, up to a constant."""
     return 2 * sum(each.negative_log_likelihood for each in filtered)
+
+
+def _scores(updates: Sequence[Floats], sizes: Floats, outlier: float) -> Floats:
+    """Products of `LogFilters.scoring` over some samples, from the `FilterPass.updates` of all candidates."""
+    read = np.isfinite(updates[0][..., 1])
+    first, *others = [each[read] for each in updates]
+    innovations, variances = first.T
+    deviations = np.sqrt(variances)
+    white = innovations / deviations
+    weighted = np.where(abs(white) > outlier, np.sign(white) * outlier / 2, white)  # a square there grows linearly
+    rows = np.empty((len(updates), 2, len(white)))
+    rows[-1] = weighted, (1 - weighted * white) / np.sqrt(2)
+    for row, other, size in zip(rows, others, sizes.tolist(), strict=False):
+        row[0] = (other[:, 0] - innovations) / deviations / size
+        row[1] = np.log(other[:, 1] / variances) / (np.sqrt(2) * size)
+    flat = rows.reshape(len(updates), -1)
+    return flat @ flat.T

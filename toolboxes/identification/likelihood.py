@@ -1,9 +1,9 @@
 """Maximise the likelihood of the filters' innovations over noise covariances and parameters.
 
 With fixed gains of the filters, the whitened innovations are a least-squares problem in the parameters with exact
-derivatives, which leads near the maximum. But gains and variances depend on the parameters, too: Newton steps by
-differences of the likelihood itself account for that. Differences are taken along hardly correlated directions of one
-standard deviation each, so that each has its own slope and curvature.
+derivatives, which leads near the maximum. But gains and variances depend on the parameters, too: Fisher scoring, over
+parameters and noise together, accounts for that. At its end neighbours are compared along hardly correlated directions
+of one standard deviation each, so that each has its own slope and curvature.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,16 +12,26 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from dualwinch.toolbox import Experiment, progresses
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed
+from dualwinch.toolboxes.identification.noise import NoiseCoordinates
 from dualwinch.toolboxes.identification.options import SearchOptions
 from dualwinch.toolboxes.identification.prediction import FilterPass
 from dualwinch.toolboxes.identification.predictor import NoiseCovariances
 from dualwinch.toolboxes.identification.unknowns import SearchCoordinates
 
 Floats = NDArray[np.float64]
+
+NoiseCoordinatesAround = Callable[[NoiseCovariances], NoiseCoordinates]
+"""Coordinates of the noise around some noise."""
+
+LOGARITHM_STEP = 0.1
+"""Step of differences by a logarithm of the noise."""
+
+LENGTHS = 2.0 ** np.arange(-3, 3)
+"""Lengths of a step that are compared, over the expected one."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +76,7 @@ class PollResult:
         length: of the move there, the largest component along a direction, in standard deviations.
         newton: whether it is the end of a Newton step.
         curvatures: (p,) of half the deviance along the directions; 1 is that of least squares, NaN unknown.
-        likelier: whether a polled neighbour is likelier than the point that was polled from.
+        fall: of the deviance from the point that was polled from to the likeliest neighbour.
     """
 
     at: Floats
@@ -74,24 +84,24 @@ class PollResult:
     length: float
     newton: bool
     curvatures: Floats
-    likelier: bool
+    fall: float
 
 
 @dataclass(frozen=True)
 class LikelihoodMaximum:
-    """A local maximum of the likelihood for given noise.
+    """A local maximum of the likelihood.
 
     Attributes:
         at: (p,) coordinates.
+        noise: R and Q with which it is one.
         deviance: minus twice the log-likelihood, up to a constant.
-        fall: of the deviance on the way there.
         information: (p, p) of the logs alone, in units of the unknowns (`WhitenedFrame.information_with`).
         converged: whether no neighbour is likelier.
     """
 
     at: Floats
+    noise: NoiseCovariances
     deviance: float
-    fall: float
     information: Floats
     converged: bool
 
@@ -190,13 +200,27 @@ class Likelihood:
         root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, np.newaxis] * vectors.T
         return root[:, -1], root[:, :-1]
 
-    def deviances(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
-        """Minus twice the logarithm, up to a constant, at each of several points; infinite if filters diverge."""
+    def deviances(
+        self,
+        points: Sequence[Floats],
+        noise: NoiseCovariances | Sequence[NoiseCovariances],
+        coordinates: SearchCoordinates,
+    ) -> Floats:
+        """Minus twice the logarithm, up to a constant, at each of several points; infinite if filters diverge.
+
+        All with the same noise, or each with its own.
+        """
+        noises = [noise] * len(points) if isinstance(noise, NoiseCovariances) else noise
         machines = [self._machine(coordinates.values(np.clip(point, *coordinates.bounds))) for point in points]
-        logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
+        logs = self._filters.deviances(list(zip(machines, noises, strict=True))) if machines else np.zeros(0)
         return logs + np.array([coordinates.prior_deviance(point) for point in points])
 
-    def objective(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
+    def objective(
+        self,
+        points: Sequence[Floats],
+        noise: NoiseCovariances | Sequence[NoiseCovariances],
+        coordinates: SearchCoordinates,
+    ) -> Floats:
         """The deviances of `deviances` with a prior for every unknown: without one, its scale is the deviation.
 
         Thereby unknowns that the logs do not determine stay near their starts, as in `solve_with_gains`.
@@ -268,8 +292,96 @@ class Likelihood:
             length=length,
             newton=best == 0,
             curvatures=np.where(inside & np.isfinite(curvatures), curvatures, np.nan),
-            likelier=bool(min(deviances[1:]) < here - self._rounding(here)),
+            fall=here - float(min(deviances[1:])),
         )
+
+    def ascend(
+        self,
+        at: Floats,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+        fixed: int | None = None,
+        accuracy: float = 1.0,
+        around: NoiseCoordinatesAround | None = None,
+        progress: progresses.Progress = progresses.no_progress,
+    ) -> tuple[Floats, NoiseCovariances] | None:
+        """A smooth maximum of the likelihood near (p,) coordinates; ``None`` if filters diverge.
+
+        Fisher scoring (`LogFilters.scoring`) over all coordinates but the one with the index `fixed` and, with
+        `around`, over the noise. Several lengths of each step are compared: in a curved valley with kinks, where a
+        slope holds not far, longer ones lead on, and beyond a kink shorter ones. It ends where a step lowers the
+        deviance by less than the square of `accuracy`.
+
+        Returns:
+            Coordinates and noise there.
+        """
+        if (frame := self.frame(at, noise, coordinates, fixed)) is None:
+            return None
+        movable = np.flatnonzero(np.arange(len(at)) != fixed)
+        sizes = 1 / np.sqrt(np.diag(frame.information))[movable]
+        (here,) = self.objective([at], noise, coordinates).tolist()
+        for number in range(self._options.max_steps):
+            progress(number / (number + 2))
+            logs = around(noise) if around else None
+            model = self._scoring(at, noise, coordinates, logs, movable, sizes)
+            if model is None:
+                break
+            information, slope = model
+            sizes = 1 / np.sqrt(np.diag(information))[: len(movable)]
+            lower, upper = (end[movable] - at[movable] for end in coordinates.bounds)
+            if logs:
+                lower = np.concatenate([lower, np.maximum(logs.bounds[0], -1.0)])
+                upper = np.concatenate([upper, np.minimum(logs.bounds[1], 1.0)])
+            step = _bounded_step(information, slope, lower, upper)
+            moves = [np.clip(length * step, lower, upper) for length in LENGTHS.tolist()]
+            points = [at.copy() for _ in moves]
+            for point, move in zip(points, moves, strict=True):
+                point[movable] += move[: len(movable)]
+            noises = [logs.noise(move[len(movable) :]) if logs else noise for move in moves]
+            objectives, falls = self.objective(points, noises, coordinates), np.full(len(moves), here)
+            if logs:
+                falls += logs.prior_deviance(np.zeros(len(logs)))
+                falls -= [logs.prior_deviance(move[len(movable) :]) for move in moves]
+            best = int(np.argmax(falls - objectives))
+            fall = float(falls[best] - objectives[best])
+            if fall > 0:
+                at, noise, here = np.clip(points[best], *coordinates.bounds), noises[best], float(objectives[best])
+            if fall < accuracy**2:
+                break
+        return at, noise
+
+    def _scoring(
+        self,
+        at: Floats,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+        logs: NoiseCoordinates | None,
+        movable: NDArray[np.int_],
+        sizes: Floats,
+    ) -> tuple[Floats, Floats] | None:
+        """Expected information on some coordinates and those of the noise, and half the slope of the deviance.
+
+        Priors are included. Differences are those by `sizes`; ``None`` if a filter diverges.
+        """
+        inward = np.where(at[movable] + sizes <= coordinates.bounds[1][movable], sizes, -sizes)
+        points = [at.copy() for _ in movable]
+        for point, index, size in zip(points, movable.tolist(), inward.tolist(), strict=True):
+            point[index] += size
+        candidates = [(self._machine(coordinates.values(point)), noise) for point in (at, *points)]
+        rows = np.concatenate([coordinates.prior_rows, np.diag(1.0 - coordinates.known)])[:, movable]
+        shift = (1.0 - coordinates.known) * (at - coordinates.start)
+        residuals = np.concatenate([coordinates.prior_residuals(at), shift])
+        if logs:
+            steps = LOGARITHM_STEP * np.eye(len(logs))
+            candidates += [(candidates[0][0], logs.noise(step)) for step in steps]
+            inward = np.concatenate([inward, np.full(len(logs), LOGARITHM_STEP)])
+            wider = np.zeros((len(logs.prior_rows), len(movable)))
+            rows = np.block([[rows, np.zeros((len(rows), len(logs)))], [wider, logs.prior_rows]])
+            residuals = np.concatenate([residuals, logs.prior_residuals])
+        normal = self._filters.scoring(candidates, inward)
+        if normal is None or not np.isfinite(normal).all():
+            return None
+        return normal[:-1, :-1] + rows.T @ rows, normal[:-1, -1] + rows.T @ residuals
 
     def maximum(
         self,
@@ -279,47 +391,53 @@ class Likelihood:
         fixed: int | None = None,
         size: float | None = None,
         accuracy: float | None = None,
+        around: NoiseCoordinatesAround | None = None,
         progress: progresses.Progress = progresses.no_progress,
     ) -> LikelihoodMaximum | None:
-        """The local maximum of the likelihood near (p,) coordinates, for given noise; ``None`` if filters diverge.
+        """The local maximum of the likelihood near (p,) coordinates; ``None`` if filters diverge.
 
-        Generating set search with Newton steps (Kolda, Lewis and Torczon, SIAM Review 45 (2003) 385). Where a drum
-        turns back or a rope slackens, the likelihood has kinks and jumps, at which slopes lead nowhere; a poll goes on
-        from there to whatever neighbour is likelier.
+        For given noise, or over the noise, too, whose coordinates are `around` some noise.
 
-        1. Poll the neighbours (`poll`), first `size` standard deviations away (default: `SearchOptions.reach`) and then
-           one, which gives the curvatures.
-        2. Move to the likeliest point. After a Newton step the next poll is as wide as that was long, or its square
-           where that is shorter, as its error is; after a move to a neighbour it is twice as wide, up to one deviation,
-           and half as wide where there was no move.
-        3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier, or after
-           `SearchOptions.max_polls`; for another accuracy after `SearchOptions.max_steps`.
+        1. Ascend by Fisher scoring (`ascend`).
+        2. Poll the neighbours (`poll`), first `size` standard deviations away (default: `SearchOptions.reach`) and then
+           one, which gives the curvatures. Where a drum turns back or a rope slackens, the likelihood has kinks and
+           jumps, at which slopes lead nowhere; polls go on from there to whatever neighbour is likelier: generating set
+           search with Newton steps (Kolda, Lewis and Torczon, SIAM Review 45 (2003) 385). After a Newton step the next
+           poll is as wide as that was long, or its square where that is shorter, as its error is; after a move to a
+           neighbour it is twice as wide, up to one deviation, and half as wide where there was no move. After more than
+           one deviation, ascend again.
+        3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier by as much
+           as at a smooth maximum (the square of it), or after `SearchOptions.max_polls`.
         """
-        options, frame = self._options, self.frame(at, noise, coordinates, fixed)
-        if frame is None:
+        options, end = self._options, accuracy or self._options.accuracy
+        top = self.ascend(at, noise, coordinates, fixed, end, around, progresses.part(progress, 0.0, 0.5))
+        frame = self.frame(*top, coordinates, fixed) if top else None
+        if top is None or frame is None:
             return None
-        end = accuracy or options.accuracy
-        start = here = float(self.objective([at], noise, coordinates)[0])
+        at, noise = top
+        here = float(self.objective([at], noise, coordinates)[0])
         curvatures, size, moved, converged = np.ones(len(at)), size or options.reach, 0.0, False
-        for number in range(options.max_polls if accuracy is None else options.max_steps):
-            progress(number / (number + 2))
+        for number in range(options.max_polls):
+            progress((1 + number / (number + 2)) / 2)
             result = self.poll(frame, at, here, size, noise, coordinates)
             if size == 1:
                 curvatures = np.where(np.isnan(result.curvatures), curvatures, result.curvatures)
-            if converged := size == end and not result.likelier and moved <= 1:
-                break
             fell = here - result.deviance > self._rounding(here)
             at, here, moved = result.at, result.deviance, moved + fell * result.length
+            if converged := size == end and result.fall < end**2 and moved <= 1:
+                break
             if moved > 1:
+                at, noise = self.ascend(at, noise, coordinates, fixed, end, around) or (at, noise)
+                here = float(self.objective([at], noise, coordinates)[0])
                 size, moved, frame = 1.0, 0.0, self.frame(at, noise, coordinates, fixed) or frame
-            elif number == 0 and size > 1:
+            elif size > 1:
                 size = 1.0
             elif fell and result.newton:
                 size = max(result.length * min(result.length, 1.0), end)
             else:
                 size = min(2 * size, 1.0) if fell else max(size / 2, end)
         (deviance,) = self.deviances([at], noise, coordinates).tolist()
-        return LikelihoodMaximum(at, deviance, start - here, frame.information_with(curvatures), converged)
+        return LikelihoodMaximum(at, noise, deviance, frame.information_with(curvatures), converged)
 
     def _rounding(self, deviance: float) -> float:
         """Rounding error of a deviance at most, as a sum over all samples."""
@@ -331,3 +449,12 @@ def _positive_part(information: Floats) -> Floats:
     """A symmetric matrix with its negative eigenvalues set to zero."""
     eigenvalues, vectors = np.linalg.eigh(information)
     return (vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T
+
+
+def _bounded_step(information: Floats, slope: Floats, lower: Floats, upper: Floats) -> Floats:
+    """The minimum between bounds of a quadratic function, half of whose curvature and slope at zero are given."""
+    scale = 1 / np.sqrt(np.diag(information))
+    rounding = np.sqrt(np.finfo(float).eps) * np.eye(len(scale))
+    root = np.linalg.cholesky(information * np.outer(scale, scale) + rounding)
+    target = np.linalg.solve(root, -scale * slope)
+    return scale * lsq_linear(root.T, target, (lower / scale, upper / scale)).x

@@ -1,11 +1,12 @@
 """Noise of the filters: covariances R of the sensors and Q of unrecorded disturbances, first guesses and estimates.
 
-R is estimated by expectation maximisation, Q by line searches of the likelihood.
+Both are estimated along with the parameters (`likelihood.Likelihood`), in coordinates that are logarithms. Before that,
+rough guesses are by expectation maximisation for R, and line searches of the likelihood for Q.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import product
 from typing import Any
@@ -18,7 +19,13 @@ from dualwinch.toolbox import Experiment, sensing
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.toolboxes.identification.options import NoiseOptions
 from dualwinch.toolboxes.identification.prediction import FilterPass
-from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
+from dualwinch.toolboxes.identification.predictor import (
+    READINGS,
+    VORTICES,
+    GaussMarkov,
+    NoiseCovariances,
+    described_disturbances,
+)
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +44,7 @@ ESTIMATED = (("force",), ("torque_1", "torque_2"))
 DESCRIBED = ("current", "normal_force_variation")
 """Disturbances that an experiment describes; deviations and correlation times have priors around the described ones."""
 
-SIZE, TIME, TIME_ALONE = np.array([1.0, 0.0]), np.array([0.5, 1.0]), np.array([0.0, 1.0])
+SIZE, TIME, TIME_ALONE = (1.0, 0.0), (0.5, 1.0), (0.0, 1.0)
 """Search directions for the logarithms of deviation and correlation time: the deviation; the time with a constant
 variance added per sample, which a log determines best; and the time alone."""
 
@@ -177,6 +184,101 @@ def _vertex(known: dict[float, float], b: float) -> tuple[float, float]:
     return b - slope / (2 * curvature), of_b - slope**2 / (4 * curvature)
 
 
+@dataclass(frozen=True)
+class NoiseCoordinate:
+    """A coordinate of the noise: its change is that of the logarithms of some deviations and correlation times.
+
+    Attributes:
+        sensor: the sensor whose deviation it is; -1: none.
+        disturbances: whose deviation and time they are.
+        way: changes of the logarithms of these two.
+        lower, upper: bounds.
+    """
+
+    sensor: int = -1
+    disturbances: tuple[str, ...] = ()
+    way: tuple[float, float] = SIZE
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
+class NoiseCoordinates:
+    """Coordinates of R and Q around some noise, where they are zero: logarithms of deviations and correlation times.
+
+    Described disturbances have log-normal priors around the described values. What no sensor reads, or is described as
+    known, has no coordinate.
+
+    Attributes:
+        bounds: (m,) each.
+        prior_rows, prior_residuals: (n, m) and (n,): rows times the coordinates plus these are standard normal
+            variables.
+    """
+
+    def __init__(
+        self, noise: NoiseCovariances, read: Sequence[int], described: Mapping[str, GaussMarkov], options: NoiseOptions
+    ) -> None:
+        """Coordinates around some noise of the sensors that are `read`, and of described disturbances."""
+        self._around = noise
+        self._coordinates = [*_of_sensors(noise, read, options), *_of_disturbances(noise, described, options)]
+        rows, residuals = list[list[float]](), list[float]()
+        pairs = [(name, options.described_factor, options.described_time_factor) for name in DESCRIBED]
+        for name, of_size, of_time in (*pairs, (VORTICES, 1.0, options.vortex_time_factor)):
+            own, usual = noise.process[name], described[name]
+            values = (own.deviation, usual.deviation, of_size), (own.time, usual.time, of_time)
+            for place, (value, expected, factor) in enumerate(values):
+                if own.deviation > 0 and factor > 1:
+                    ways = [each.way[place] if name in each.disturbances else 0.0 for each in self._coordinates]
+                    rows.append([way / math.log(factor) for way in ways])
+                    residuals.append(math.log(value / expected) / math.log(factor))
+        self.prior_rows = np.array(rows).reshape(len(rows), len(self._coordinates))
+        self.prior_residuals = np.array(residuals)
+        ends, reach = ("lower", "upper"), math.log(options.range)
+        bounds = [[getattr(each, end) for each in self._coordinates] for end in ends]
+        self.bounds: tuple[Floats, Floats] = tuple(np.clip(bounds, -reach, reach))
+
+    def __len__(self) -> int:
+        """Number of coordinates."""
+        return len(self._coordinates)
+
+    def noise(self, coordinates: Floats) -> NoiseCovariances:
+        """The noise at (m,) coordinates."""
+        measurement, process = self._around.measurement.copy(), dict(self._around.process)
+        for each, by in zip(self._coordinates, coordinates.tolist(), strict=True):
+            if each.sensor >= 0:
+                measurement[each.sensor] *= math.exp(2 * by)
+            for name in each.disturbances:
+                process[name] = process[name].scaled(*(math.exp(by * way) for way in each.way))
+        return replace(self._around, measurement=measurement, process=process)
+
+    def prior_deviance(self, coordinates: Floats) -> float:
+        """Minus twice the logarithm of the priors' density, up to a constant."""
+        return float(np.sum((self.prior_rows @ coordinates + self.prior_residuals) ** 2))
+
+
+def _of_sensors(noise: NoiseCovariances, read: Sequence[int], options: NoiseOptions) -> Iterator[NoiseCoordinate]:
+    """A coordinate for the deviation of each sensor that was read."""
+    lower = np.minimum(np.log(min_noise(options)) - np.log(noise.measurement) / 2, 0.0).tolist()
+    yield from (NoiseCoordinate(sensor=sensor, lower=lower[sensor]) for sensor in read)
+
+
+def _of_disturbances(
+    noise: NoiseCovariances, described: Mapping[str, GaussMarkov], options: NoiseOptions
+) -> Iterator[NoiseCoordinate]:
+    """Coordinates for deviations that no experiment describes, and of described disturbances that are uncertain."""
+    for names in ESTIMATED:
+        above = math.log(noise.process[names[0]].deviation / described[names[0]].deviation)
+        lower, upper = min(-above, 0.0), max(math.log(options.range) - above, 0.0)
+        yield NoiseCoordinate(disturbances=names, lower=lower, upper=upper)
+    uncertain = [
+        *((name, SIZE, options.described_factor) for name in DESCRIBED),
+        *((name, TIME, options.described_time_factor) for name in DESCRIBED),
+        (VORTICES, TIME_ALONE, options.vortex_time_factor),
+    ]
+    for name, way, factor in uncertain:
+        if noise.process[name].deviation > 0 and factor > 1:
+            yield NoiseCoordinate(disturbances=(name,), way=way)
+
+
 class NoiseEstimator:
     """Estimates R and Q for approximately known parameters."""
 
@@ -186,6 +288,13 @@ class NoiseEstimator:
         self._described = described_disturbances(experiment, options)
         self._least = {name: each.deviation for name, each in self._described.items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)
+        self._read = np.flatnonzero(
+            np.any([np.isfinite(each.readings).any(axis=0) for each in filters.sections], axis=0)
+        )
+
+    def coordinates(self, noise: NoiseCovariances) -> NoiseCoordinates:
+        """Coordinates around some noise."""
+        return NoiseCoordinates(noise, self._read, self._described, self._options)
 
     def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
         """The least process noise of a grid with which no filter diverges; as given if there is none."""
@@ -239,8 +348,10 @@ class NoiseEstimator:
             if factor == 1 or noise.process[name].deviation == 0:
                 continue
 
-            def moved(by: float, name: str = name, way: Floats = way, noise: Any = noise) -> NoiseCovariances:
-                process = noise.process[name].scaled(*np.exp(by * way).tolist())
+            def moved(
+                by: float, name: str = name, way: tuple[float, float] = way, noise: Any = noise
+            ) -> NoiseCovariances:
+                process = noise.process[name].scaled(*np.exp(by * np.array(way)).tolist())
                 return replace(noise, process={**noise.process, name: process})
 
             def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:

@@ -250,7 +250,7 @@ class SearchOptions:
     newton_distance: Annotated[
         quantities.Positive, Quantity("1", "largest move, in deviations, before Newton steps")
     ] = 0.5
-    max_steps: Annotated[Count, Quantity("1", "largest number of turns of noise and values")] = 12
+    max_steps: Annotated[Count, Quantity("1", "largest number of steps of scoring")] = 30
     min_process_noise_steps: Annotated[int, Ge(0), Quantity("1", "least number of these turns")] = 2
     process_noise_tolerance: Annotated[
         quantities.Positive,

@@ -116,6 +116,9 @@ class FilterPass:
         states, deviations: (samples, states) filtered state after each sample's readings, and its standard deviation;
             or None.
         covariances: (samples, watched, states) the last states' rows of its covariance; or None.
+        updates: (samples, readings, 2) each reading's innovation, less what those of sensors before it in the same
+            sample explain, and its variance; NaN without a reading; or None.
+        end: (states,) mean and (states, states) covariance before a next sample; or None.
     """
 
     outcome: compiled.Outcome
@@ -128,6 +131,8 @@ class FilterPass:
     states: Floats | None
     deviations: Floats | None
     covariances: Floats | None = None
+    updates: Floats | None = None
+    end: tuple[Floats, Floats] | None = None
 
     @property
     def negative_log_likelihood(self) -> float:
@@ -170,6 +175,7 @@ class Predictor:
         gains: bool = True,
         rows: bool = False,
         watched: int = 0,
+        updates: bool = False,
         into: FilterPass | None = None,
     ) -> FilterPass:
         """Run the extended Kalman filter over all samples.
@@ -182,6 +188,7 @@ class Predictor:
             gains: whether gains and whitening are kept; else their arrays have no samples.
             rows: whether filtered states are kept.
             watched: number of last states with kept rows of the covariance.
+            updates: whether innovations with their variances, and the end, are kept.
             into: an earlier pass over the same data whose arrays of gains are reused.
         """
         samples, states, readings = len(data.inputs), self._sizes["STATES"], self._sizes["READINGS"]
@@ -196,12 +203,15 @@ class Predictor:
         sums, count = np.empty((readings, 4)), ctypes.c_int64()
         means, deviations = (np.full((samples, states), np.nan) if rows else None for _ in range(2))
         covariance_rows = np.full((samples, watched, states), np.nan) if watched else None
+        update_rows = np.full((samples, readings, 2), np.nan) if updates else None
+        end = (np.empty(states), np.empty((states, states))) if updates else None
         outcome = self._filter(
             parameters,
             *data.arguments,
             *(covariances.initial, covariances.process, covariances.measurement, outlier),
             *((gain_rows, whitening) if gains else (None, None)),
-            *(sums, means, deviations, watched, covariance_rows, ctypes.byref(count)),
+            *(sums, means, deviations, watched, covariance_rows, update_rows, *(end or (None, None))),
+            ctypes.byref(count),
         )
         counts, squares, logarithms, noise = sums.T
         with np.errstate(invalid="ignore"):
@@ -217,6 +227,8 @@ class Predictor:
             states=means,
             deviations=deviations,
             covariances=covariance_rows,
+            updates=update_rows,
+            end=end,
         )
 
     def smooth(self, parameters: Floats, data: FilterData, filtered: FilterPass) -> tuple[Floats, Floats]:
@@ -326,7 +338,7 @@ def compile_predictor(compiler: compilers.Compiler, system: PredictedSystem) -> 
         CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
     signatures = {
-        "filter": "pppnppppxpppppnpp -> int",
+        "filter": "pppnppppxpppppnppppp -> int",
         "smooth": "pppnpppnppp -> int",
         "predict": "pppnpppppp -> int",
     }

@@ -21,11 +21,13 @@ static void spread(double *covariance, const Slopes *slopes, const double *walk)
    innovation: readings less their predictions; h (READINGS × COLUMNS): slopes of the readings by the state. Row i of
    whitening refers to the whole innovation, independent of the order of the sensors; row i of gains is the correction of
    the state per innovation i; rows of absent readings are not written. Both may be null, which saves time.
-   corrected (STATES): the sum of all corrections.
+   corrected (STATES): the sum of all corrections. updates (READINGS × 2, null or NaN without a reading): what is left of
+   each innovation after those of the sensors before it, and its variance.
    sums (4 each): number of readings, squares of whitened innovations, logarithms of their variances, and expected squares
    of the sensor's own noise. */
 static void measurement_update(double *covariance, const double *innovation, const double *h, const double *variances,
-                         double outlier, double *gains, double *whitening, double *corrected, double *sums) {
+                         double outlier, double *gains, double *whitening, double *updates, double *corrected,
+                         double *sums) {
   LANE_ARRAY along[COLUMNS], column[COLUMNS];
   memset(corrected, 0, STATES * sizeof *corrected);
   for (int i = 0; i < READINGS; ++i) {
@@ -58,6 +60,7 @@ static void measurement_update(double *covariance, const double *innovation, con
         if (!absent(innovation[j])) add(gains + j * STATES, own[j], column, STATES);
     }
     const double kept = variances[i] / variance; /* share of the innovation that remains after the correction */
+    if (updates) updates[2 * i] = left, updates[2 * i + 1] = variance;
     sums[4 * i] += 1, sums[4 * i + 1] += weight * square, sums[4 * i + 2] += log(variance);
     sums[4 * i + 3] += weight * square * kept * variances[i] + (1 - kept) * variances[i];
   }
@@ -68,13 +71,15 @@ static void measurement_update(double *covariance, const double *innovation, con
    start (STATES), first_covariance (STATES²): mean and covariance before the first sample; walk (STATES): variances added
    by a sample; variances (READINGS) of the sensors' noise; outlier: innovation over its deviation above which a reading is
    downweighted (Huber). sums (4 per sensor) is overwritten. states and deviations (samples × STATES), mean and standard
-   deviation after each sample's readings, and covariances (samples × watched × STATES), the rows of the last `watched`
-   states then, may be null.
+   deviation after each sample's readings, covariances (samples × watched × STATES), the rows of the last `watched` states
+   then, updates (samples × READINGS × 2), as of `measurement_update`, and end and end_covariance, mean and covariance
+   before a next sample, may be null.
    Returns the outcome: a mean that is not finite or leaves the track ends the filter; *done: samples processed. */
 EXPORT int filter(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                  const double *start, const double *first_covariance, const double *walk, const double *variances,
                  double outlier, double *gains, double *whitening, double *sums, double *states, double *deviations,
-                 int64_t watched, double *covariances, int64_t *done) {
+                 int64_t watched, double *covariances, double *updates, double *end, double *end_covariance,
+                 int64_t *done) {
   double derived[DERIVED + 1];
   Slopes slopes;
   double state[STATES], next[STATES], corrected[STATES], expected[READINGS], innovation[READINGS], margin = 0;
@@ -92,7 +97,8 @@ EXPORT int filter(const double *parameters, const double *inputs, const double *
     sense_columns(by_state, identity, h);
     for (int i = 0; i < READINGS; ++i) innovation[i] = readings[i] - expected[i];
     measurement_update(covariance, innovation, h, variances, outlier, gains ? gains + k * GAINS : NULL,
-                       gains ? whitening + k * WHITENING : NULL, corrected, sums);
+                       gains ? whitening + k * WHITENING : NULL, updates, corrected, sums);
+    if (updates) updates += 2 * READINGS;
     for (int i = 0; i < STATES; ++i) state[i] += corrected[i];
     if (states) {
       memcpy(states, state, sizeof state), states += STATES;
@@ -108,5 +114,8 @@ EXPORT int filter(const double *parameters, const double *inputs, const double *
     if (margin < 0) return LEFT;
     inputs += INPUTS, readings += READINGS;
   }
+  if (end) memcpy(end, state, sizeof state);
+  for (int i = 0; end_covariance && i < STATES; ++i)
+    memcpy(end_covariance + i * STATES, covariance + i * COLUMNS, STATES * sizeof *covariance);
   return COMPLETED;
 }
