@@ -170,9 +170,7 @@ class PredictionErrorMethod:
 
     def noise_at(self, values: Floats) -> NoiseCovariances:
         """Initial R, and Q from a rough search, at given values."""
-        return self._noise.with_process_noise(
-            self.with_values(values), self.initial_noise(), anywhere=True, roughly=True
-        )
+        return self._noise.with_process_noise(self.with_values(values), self.initial_noise(), anywhere=True)
 
     def deviance(self, values: Floats) -> float:
         """Minus twice the log-likelihood at given values, with process noise from a rough search."""
@@ -287,7 +285,7 @@ class PredictionErrorMethod:
             if estimated and number >= search.cautious_rounds:
                 experiment, first = self.with_values(there), number == search.cautious_rounds
                 noise = self._noise.with_sea(experiment, noise) if first else noise
-                noise = self._noise.with_process_noise(experiment, noise, anywhere=first, roughly=True)
+                noise = self._noise.with_process_noise(experiment, noise, anywhere=first)
             there, filtered = self._backtracked(values, there, noise)
             if not all_completed(filtered):
                 break

@@ -124,8 +124,6 @@ def minimum_nearby(
     ends: tuple[float, float],
     tolerance: float,
     evaluations: int,
-    *,
-    evaluate_last: bool = True,
 ) -> tuple[float, float]:
     """Minimise a cost between two ends by steps downhill, each twice the last, and parabolas.
 
@@ -138,7 +136,6 @@ def minimum_nearby(
         ends: the range.
         tolerance: distance of a parabola's minimum from the best point so far below which it is the last one.
         evaluations: largest number of them.
-        evaluate_last: whether that last one is evaluated; without is faster, but unsafe where the cost is irregular.
 
     Returns:
         The minimum, and its cost.
@@ -164,9 +161,7 @@ def minimum_nearby(
     while len(known) <= evaluations and distance >= tolerance and min(known) < best() < max(known):  # not at an end
         middle = best()
         at, least = _vertex(known, middle)
-        if not evaluate_last and abs(at - middle) < tolerance:
-            return at, least
-        if evaluate_last and known[middle] - least < NEGLIGIBLE_FALL:
+        if known[middle] - least < NEGLIGIBLE_FALL:
             break
         distance = abs(evaluated(at) - middle)
     return best(), known[best()]
@@ -288,9 +283,8 @@ class NoiseEstimator:
         self._described = described_disturbances(experiment, options)
         self._least = {name: each.deviation for name, each in self._described.items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)
-        self._read = np.flatnonzero(
-            np.any([np.isfinite(each.readings).any(axis=0) for each in filters.sections], axis=0)
-        )
+        columns = np.concatenate([section.readings for section in filters.sections]).T
+        self._read = [sensor for sensor, column in enumerate(columns) if np.isfinite(column).any()]
 
     def coordinates(self, noise: NoiseCovariances) -> NoiseCoordinates:
         """Coordinates around some noise."""
@@ -302,20 +296,18 @@ class NoiseEstimator:
         return next((each for each in wider if all_completed(self._filter(experiment, each, None))), noise)
 
     def with_process_noise(
-        self, experiment: Experiment, noise: NoiseCovariances, *, anywhere: bool = False, roughly: bool = False
+        self, experiment: Experiment, noise: NoiseCovariances, *, anywhere: bool = False
     ) -> NoiseCovariances:
-        """Estimate Q of the disturbances that no experiment describes, by maximum likelihood.
+        """Estimate Q of the disturbances that no experiment describes, roughly, by the beginning of each section.
 
-        The search begins with the given Q or, if `anywhere`, with the best of a grid over the whole range. A rough one
-        uses the beginning of each section only.
+        The search begins with the given Q or, if `anywhere`, with the best of a grid over the whole range.
         """
-        samples = self._samples if roughly else None
         if anywhere:
-            noise, here = self._likeliest(experiment, self._grid(noise), samples)
+            noise, here = self._likeliest(experiment, self._grid(noise), self._samples)
         else:
-            here = self._cost(experiment, noise, samples)
+            here = self._cost(experiment, noise, self._samples)
         for names in ESTIMATED:
-            noise, here = self._line_search(experiment, noise, names, samples, here)
+            noise, here = self._line_search(experiment, noise, names, here)
         return noise
 
     def with_torque_noise(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
@@ -326,44 +318,30 @@ class NoiseEstimator:
         torques = ESTIMATED[1]
         grid = [self._scaled(noise, torques, factor) for factor in self._factors]
         best, cost = self._likeliest(experiment, grid, self._samples)
-        return self._line_search(experiment, best, torques, self._samples, cost)[0]
+        return self._line_search(experiment, best, torques, cost)[0]
 
     def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
         """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
 
-        Their priors are log-normal around the described values. Where noise still has these, searches go over the whole
-        range, else around the values it has.
+        Their priors are log-normal around the described values. Each search goes over the whole range.
         """
         options, reach = self._options, math.log(self._options.described_reach)
-        anywhere = options.whole_range or all(noise.process[name] == self._described[name] for name in DESCRIBED)
         factors = (SIZE, options.described_factor), (TIME, options.described_time_factor)
         searches = [(name, way, factor, reach) for name in DESCRIBED for way, factor in factors]
         searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
-
-        def whole(noise: NoiseCovariances) -> float:
-            return self._cost(experiment, noise, None) + self._negative_log_prior(experiment, noise)
-
-        here = None
+        accuracy = options.described_tolerance, options.max_described_evaluations
         for name, way, factor, reach in searches:
             if factor == 1 or noise.process[name].deviation == 0:
                 continue
 
-            def moved(
-                by: float, name: str = name, way: tuple[float, float] = way, noise: Any = noise
-            ) -> NoiseCovariances:
-                process = noise.process[name].scaled(*np.exp(by * np.array(way)).tolist())
+            def moved(by: float, name: str = name, way: Any = way, noise: Any = noise) -> NoiseCovariances:
+                process = noise.process[name].scaled(*(math.exp(by * each) for each in way))
                 return replace(noise, process={**noise.process, name: process})
 
             def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
-                return whole(moved(by))
+                return self._cost(experiment, moved(by), None) + self._negative_log_prior(experiment, moved(by))
 
-            accuracy = options.described_tolerance, options.max_described_evaluations
-            if anywhere:
-                best, here = _minimum_between(cost, (-reach, reach), *accuracy)
-            else:
-                step, start = math.log(options.described_step), (0.0, whole(noise) if here is None else here)
-                best, here = minimum_nearby(cost, start, step, (-reach, reach), *accuracy)
-            noise = moved(best) if best else noise
+            noise = moved(_minimum_between(cost, (-reach, reach), *accuracy)[0])
         return noise
 
     def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
@@ -392,7 +370,7 @@ class NoiseEstimator:
         ]
 
     def _line_search(
-        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None, here: float
+        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], here: float
     ) -> tuple[NoiseCovariances, float]:
         """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
         options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
@@ -400,13 +378,13 @@ class NoiseEstimator:
         ends = float(max(now - reach, 0.0)), float(min(now + reach, np.log(options.range)))
 
         def cost_of(factor: float) -> float:
-            return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples)
+            return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), self._samples)
 
         if options.whole_range:
             best, cost = _minimum_between(cost_of, ends, *accuracy)
         else:
             start = float(now), here
-            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, *accuracy, evaluate_last=samples is None)
+            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, *accuracy)
         return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
 
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:

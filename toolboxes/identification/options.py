@@ -100,7 +100,6 @@ class NoiseOptions:
         float, Ge(1), Quantity("1", "prior deviation of their correlation times, as a factor; 1: known")
     ] = 2.0
     described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
-    described_step: Annotated[Factor, Quantity("1", "first step of that search, as a factor")] = 1.4
     described_tolerance: Annotated[quantities.Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
     max_described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
     whole_range: Annotated[
@@ -164,9 +163,6 @@ class CoarseLogOptions:
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
     min_chatter: Annotated[quantities.Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
     quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
-    process_noise_tolerance: Annotated[
-        quantities.Positive, Quantity("1", "`SearchOptions.process_noise_tolerance`")
-    ] = 1e12
 
 
 @dataclass(frozen=True)
@@ -251,11 +247,6 @@ class SearchOptions:
         quantities.Positive, Quantity("1", "largest move, in deviations, before Newton steps")
     ] = 0.5
     max_steps: Annotated[Count, Quantity("1", "largest number of steps of scoring")] = 30
-    min_process_noise_steps: Annotated[int, Ge(0), Quantity("1", "least number of these turns")] = 2
-    process_noise_tolerance: Annotated[
-        quantities.Positive,
-        Quantity("1", "fall of the deviance in a turn after which there is no other"),
-    ] = 1.0
     reach: Annotated[
         quantities.Positive, Quantity("1", "distance of the first neighbours of a maximum, in deviations")
     ] = 3.0

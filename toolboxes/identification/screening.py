@@ -163,9 +163,8 @@ class LogScreening:
             quiet_share=coarse.quiet_share,
             whole_range=True,
         )
-        search = replace(options.search, process_noise_tolerance=coarse.process_noise_tolerance)
         resampling = replace(options.resampling, torque_rows=coarse.rows)
-        return replace(options, resampling=resampling, noise=noise, search=search)
+        return replace(options, resampling=resampling, noise=noise)
 
     def with_torques_between_rows(self, model: LogModel, values: Floats | None = None) -> LogModel | None:
         """A model with mean torques between rows, if that is likelier at values as above; ``None``: it is not.
