@@ -56,8 +56,8 @@ from dualwinch.model.arguments import instance
 from dualwinch.model.drum_on_rope import drum_frequency
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.properties import is_stable
+from dualwinch.model.plant import sags
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.scalar import present
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of
@@ -172,10 +172,10 @@ def with_designed_parts(experiment: Experiment) -> Experiment:
     values = leaves(controller)
     if not isinstance(controller.law, SLIDING_MODE):
         controller = replace(controller, law=FandoNftsm())
-    sags = any(present(side.rope.submerged_weight) for side in experiment.plant.sides)
+    sagging = sags(experiment.plant)
     if "kalman.bandwidth" not in values:  # only the self-calibrating filter knows sag
-        controller = replace(controller, estimator=SelfCalibratingKalman() if sags else CalibratingKalman())
-    if "winch_1.damping" not in values or (sags and not isinstance(controller.coordination, ProportionalTension)):
+        controller = replace(controller, estimator=SelfCalibratingKalman() if sagging else CalibratingKalman())
+    if "winch_1.damping" not in values or (sagging and not isinstance(controller.coordination, ProportionalTension)):
         controller = replace(controller, coordination=ProportionalTension())
     return replace(experiment, controller=controller)
 

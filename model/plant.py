@@ -147,6 +147,11 @@ def remembers_friction(plant: Plant) -> bool:
     return present(plant.vehicle.bristle_stiffness) or any(present(side.rope.hysteresis) for side in plant.sides)
 
 
+def sags(plant: Plant) -> bool:
+    """Whether a rope has weight, so that it sags between rollers."""
+    return any(present(side.rope.submerged_weight) for side in plant.sides)
+
+
 def blank_state(plant: Plant) -> PlantState:
     """A plant state with placeholder values, for the names of its elements."""
     ropes = (blank_rope(side.rope) for side in plant.sides)
@@ -244,14 +249,14 @@ def inner_signals(state: PlantState, pulls: tuple[RopePull, RopePull], plant: Pl
     return signals
 
 
-def inner_forces(state: PlantState, plant: Plant, t: Scalar = NEW) -> dict[str, Scalar]:
+def inner_forces(state: PlantState, plant: Plant) -> dict[str, Scalar]:
     """Forces in N that are constant in steady motion, while positions change: tensions along the ropes, gear torques.
 
     The keys are those of positions in the plant's state: of a drum for the tension of the segment next to it, of a node
     for that of the segment beyond it, of a rotor for the torque its gearbox transmits, divided by the drum radius.
     """
     forces: dict[str, Scalar] = {}
-    of_sides = zip(plant.sides, rope_pulls(state, plant, t), state.motors, state.drums, strict=True)
+    of_sides = zip(plant.sides, rope_pulls(state, plant), state.motors, state.drums, strict=True)
     for (number, _, winch, *_), pull, motor, drum in of_sides:
         end_segment, *segments = pull.segments
         forces[f"theta_{number}"] = end_segment

@@ -4,9 +4,8 @@ import math
 from collections.abc import Collection
 
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
-from dualwinch.model.plant import Plant, is_distributed
+from dualwinch.model.plant import Plant, is_distributed, sags
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.scalar import present
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -54,11 +53,6 @@ def default_estimator(ensemble: Ensemble) -> str:
 def uncertain_drums(ensemble: Ensemble) -> bool:
     """Whether drums, encoder zeros or the position sensor are uncertain."""
     return _uncertain(ensemble, POSITIONS)
-
-
-def sags(plant: Plant) -> bool:
-    """Whether a rope has weight, so that it sags between rollers."""
-    return any(present(side.rope.submerged_weight) for side in plant.sides)
 
 
 def default_coordination(ensemble: Ensemble) -> str | None:

@@ -22,6 +22,7 @@ from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.overloads import SIZES
+from dualwinch.model.plant import sags
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -35,7 +36,6 @@ from dualwinch.tuning.baseline import (
     default_estimator,
     default_reserve,
     further_gains,
-    sags,
     starting_gains,
     swings,
     uncertain_drums,

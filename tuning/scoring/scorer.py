@@ -75,16 +75,15 @@ class Scorer:
         scenarios: Sequence[Experiment | Scenario],
         *,
         constraints: Sequence[Constraint] | None = None,
-        machines: MarginSurvey | None = None,
     ) -> list[Evaluation]:
         """Evaluate candidates in all of the scenarios; arguments as in `evaluation`.
 
-        Margins are computed on the machines of the scenarios, unless other machines are given.
+        Margins are computed on the machines of the scenarios.
         """
         if not candidates:
             return []
         result = self.run(candidates, scenarios)
-        margins = self.margins(candidates, machines or self.survey(scenarios))
+        margins = self.margins(candidates, self.survey(scenarios))
         return [
             self.evaluation(candidate, result, scenarios, row, margins=margins[row], constraints=constraints)
             for row, candidate in enumerate(candidates)
