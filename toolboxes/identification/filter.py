@@ -116,7 +116,8 @@ class LogFilters:
         The first candidate is a machine with noise; each of the m others differs from it by its one of `sizes` in one
         coordinate. Without the last row and column they are the expected information on the coordinates; the last
         column is half the slope of the deviance (N. K. Gupta and R. K. Mehra, IEEE Trans. Automatic Control 19 (1974)
-        774). Derivatives of the innovations and their variances are by differences.
+        774). Derivatives of the innovations and their variances are by differences; outliers, whose squares grow linearly,
+        count less (iteratively reweighted least squares).
         """
         normal, outlier = np.zeros((len(candidates),) * 2), self._options.search.outlier
         parameters = [self.parameters(*each) for each in candidates]
@@ -233,11 +234,11 @@ def _scores(updates: Sequence[Floats], sizes: Floats, outlier: float) -> Floats:
     innovations, variances = first.T
     deviations = np.sqrt(variances)
     white = innovations / deviations
-    weighted = np.where(abs(white) > outlier, np.sign(white) * outlier / 2, white)  # a square there grows linearly
+    roots = np.sqrt(np.where(abs(white) > outlier, outlier / (2 * np.maximum(abs(white), outlier)), 1.0))
     rows = np.empty((len(updates), 2, len(white)))
-    rows[-1] = weighted, (1 - weighted * white) / np.sqrt(2)
+    rows[-1] = roots * white, (1 - (roots * white) ** 2) / (np.sqrt(2) * roots)
     for row, other, size in zip(rows, others, sizes.tolist(), strict=False):
-        row[0] = (other[:, 0] - innovations) / deviations / size
-        row[1] = np.log(other[:, 1] / variances) / (np.sqrt(2) * size)
+        row[0] = roots * (other[:, 0] - innovations) / deviations / size
+        row[1] = roots * np.log(other[:, 1] / variances) / (np.sqrt(2) * size)
     flat = rows.reshape(len(updates), -1)
     return flat @ flat.T
