@@ -116,8 +116,8 @@ class LogFilters:
         The first candidate is a machine with noise; each of the m others differs from it by its one of `sizes` in one
         coordinate. Without the last row and column they are the expected information on the coordinates; the last
         column is half the slope of the deviance (N. K. Gupta and R. K. Mehra, IEEE Trans. Automatic Control 19 (1974)
-        774). Derivatives of the innovations and their variances are by differences; outliers, whose squares grow linearly,
-        count less (iteratively reweighted least squares).
+        774). Derivatives of the innovations and their variances are by differences; outliers, whose squares grow
+        linearly, count less (iteratively reweighted least squares).
         """
         normal, outlier = np.zeros((len(candidates),) * 2), self._options.search.outlier
         parameters = [self.parameters(*each) for each in candidates]
