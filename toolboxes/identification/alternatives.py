@@ -104,12 +104,12 @@ class LightRopes(BuiltIn):
     meaning: ClassVar = "ropes move as if they had no weight, or no mass"
 
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
-        """The ropes, of the described or lighter ones, that are likeliest at the estimate with its noise."""
+        """The ropes, of the described or lighter ones, that are likeliest at the estimate."""
         if _is_sound(fit):
             return
-        model, estimate = fit.model, fit.estimate
-        described = with_leaves(estimate.experiment, ropes_of(screening.described))
-        likeliest = ropes_of(screening.likeliest_ropes(described, model.options, estimate.noise))
+        model = fit.model
+        described = with_leaves(fit.estimate.experiment, ropes_of(screening.described))
+        likeliest = ropes_of(screening.likeliest_ropes(described, model.options))
         if likeliest == ropes_of(fit.experiment):
             return
         other = replace(model, kinds=tuple(kind for kind in model.kinds if kind != self.kind))

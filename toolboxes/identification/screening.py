@@ -98,10 +98,14 @@ class LogScreening:
         key = experiment, options, point.tobytes()
         if key not in self._deviances:
             rubbing = with_drum_friction(experiment, options.search)
-            sections = sections_of(self.logs, rubbing, options.resampling)
-            method = PredictionErrorMethod(sections, rubbing, self.unknowns, options, self.threads)
-            self._deviances[key] = method.deviance(point)
+            self._deviances[key] = self._method(rubbing, options, self.unknowns).deviance(point)
         return self._deviances[key]
+
+    def _method(
+        self, experiment: Experiment, options: EstimationOptions, unknowns: Sequence[UnknownParameter] = ()
+    ) -> PredictionErrorMethod:
+        sections = sections_of(self.logs, experiment, options.resampling)
+        return PredictionErrorMethod(sections, experiment, unknowns, options, self.threads)
 
     def likeliest_at_start(
         self, experiment: Experiment, options: EstimationOptions, values: Floats | None = None
@@ -110,29 +114,17 @@ class LogScreening:
         experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
         return min(((self.deviance_at_start(each, options, values), each) for each in experiments), key=itemgetter(0))
 
-    def likeliest_ropes(
-        self, experiment: Experiment, options: EstimationOptions, noise: NoiseCovariances | None = None
-    ) -> Experiment:
+    def likeliest_ropes(self, experiment: Experiment, options: EstimationOptions) -> Experiment:
         """The experiment with its ropes or with lighter ones (`lighter_ropes`), whichever is clearly likelier.
 
-        All with the same noise; default: that of the lightest ropes, from a rough search.
+        By their profile likelihoods: each with the process noise with which it is likeliest, from a rough search.
         """
         forms = lighter_ropes(experiment, [each.key for each in self.unknowns])
         if len(forms) == 1:
             return experiment
-        methods = [
-            PredictionErrorMethod(
-                sections_of(self.logs, each, options.resampling),
-                with_drum_friction(each, options.search),
-                (),
-                options,
-                self.threads,
-            )
-            for each in forms
-        ]
         none = np.zeros(0)
-        noise = noise or methods[-1].noise_at(none)
-        deviances = [float(each.filters.deviances([(each.with_values(none), noise)])[0]) for each in methods]
+        rubbing = [with_drum_friction(each, options.search) for each in forms]
+        deviances = [self._method(each, options).deviance(none) for each in rubbing]
         likeliest = int(np.argmin(deviances))
         return forms[likeliest] if deviances[likeliest] + CONSIDERABLE < deviances[0] else experiment
 
@@ -206,29 +198,26 @@ class LogScreening:
         start = np.zeros(0)
         samples, steps = round(options.noise.section_time / step), math.ceil(step / min(spacings) - TOLERANCE)
 
-        def method_of(described: Experiment) -> PredictionErrorMethod:
-            sections = sections_of(self.logs, described, options.resampling)
-            return PredictionErrorMethod(sections, described, (), options, self.threads)
-
         def clocked(late: int, phase: float, *, interpolated: bool) -> Experiment:
             recorder = RecorderClock(phase * step, steps=steps, interpolated=interpolated)
             return recorded(delayed(experiment, late), recorder)
 
         def deviances(candidates: Sequence[Experiment], noise: NoiseCovariances) -> Floats:
-            methods = [method_of(each) for each in candidates]
+            methods = [self._method(each, options) for each in candidates]
             pairs = [
                 method.filters.deviances([(method.with_values(start), noise)], samples * steps) for method in methods
             ]
             return np.concatenate(pairs)
 
-        noise = method_of(delayed(experiment, simulation.delay_samples)).noise_at(start)
+        noise = self._method(delayed(experiment, simulation.delay_samples), options).noise_at(start)
         delays = range(options.search.max_delay_samples + 1)
         if "torque-delay" not in self.kinds:
             delays = (simulation.delay_samples,)
         coarse = [(late, phase, kind) for late in delays for phase in PHASES[1::4] for kind in interpolated]
         order = np.argsort(deviances([clocked(*each[:2], interpolated=each[2]) for each in coarse], noise)).tolist()
         likeliest = list(dict.fromkeys((coarse[each][0], coarse[each][2]) for each in order))
-        noise = method_of(clocked(*coarse[order[0]][:2], interpolated=coarse[order[0]][2])).noise_at(start)
+        likely = clocked(*coarse[order[0]][:2], interpolated=coarse[order[0]][2])
+        noise = self._method(likely, options).noise_at(start)
         fine = [(late, phase, kind) for late, kind in likeliest[:2] for phase in PHASES]
         between = deviances([clocked(*each[:2], interpolated=each[2]) for each in fine], noise)
         late, phase, kind = fine[int(np.argmin(between))]
