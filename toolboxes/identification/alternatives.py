@@ -104,12 +104,12 @@ class LightRopes(BuiltIn):
     meaning: ClassVar = "ropes move as if they had no weight, or no mass"
 
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
-        """The ropes, of the described or lighter ones, that are likeliest at the estimate."""
+        """The ropes, of the described or lighter ones, that are likeliest at the estimate with its noise."""
         if _is_sound(fit):
             return
-        model = fit.model
-        described = with_leaves(fit.estimate.experiment, ropes_of(screening.described))
-        likeliest = ropes_of(screening.likeliest_ropes(described, model.options))
+        model, estimate = fit.model, fit.estimate
+        described = with_leaves(estimate.experiment, ropes_of(screening.described))
+        likeliest = ropes_of(screening.likeliest_ropes(described, model.options, estimate.noise))
         if likeliest == ropes_of(fit.experiment):
             return
         other = replace(model, kinds=tuple(kind for kind in model.kinds if kind != self.kind))
@@ -175,7 +175,7 @@ class TorqueDelay(BuiltIn):
     meaning: ClassVar = "torques act more or fewer samples late"
 
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
-        """The delay that load cells determine, else those one sample longer and shorter.
+        """The delay that load cells determine, else those one sample longer and shorter, the likelier one first.
 
         ARX models do not determine it well if drums respond slowly to torques without chatter, and a fit can compensate
         a sample by inertia and damping.
@@ -190,10 +190,18 @@ class TorqueDelay(BuiltIn):
             *_, second, largest = np.sort(lags).tolist()
             if lags[here] == largest > search.delay_significance * second:
                 return
-            samples = [here + 1, here - 1]
+            samples = [each for each in (here + 1, here - 1) if 0 <= each <= search.max_delay_samples]
+            neighbours = [delayed(fit.estimate.experiment, each) for each in samples]
+            deviances = screening.deviances_with(fit.estimate.noise, neighbours, options)
+            samples = [samples[place] for place in np.argsort(deviances)]
+        described = screening.described.simulation.delay_samples
         for each in samples:
-            if 0 <= each <= search.max_delay_samples:
-                yield fit.model.extended(self.kind, delayed(experiment, each), further=self.kind not in fit.model.kinds)
+            model = replace(fit.model, experiment=delayed(experiment, each), starts=())
+            if each != described:
+                yield fit.model.extended(self.kind, model.experiment, further=self.kind not in fit.model.kinds)
+            elif self.kind in fit.model.kinds:
+                kinds = tuple(kind for kind in model.kinds if kind != self.kind)
+                yield replace(model, kinds=kinds, further=model.further - 1)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,21 +109,47 @@ class LogScreening:
     def likeliest_at_start(
         self, experiment: Experiment, options: EstimationOptions, values: Floats | None = None
     ) -> tuple[float, Experiment]:
-        """The least deviance over all delays of the torques, and the experiment with it; values as above."""
-        experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
-        return min(((self.deviance_at_start(each, options, values), each) for each in experiments), key=itemgetter(0))
+        """The least deviance over all delays of the torques, and the experiment with it; values as above.
 
-    def likeliest_ropes(self, experiment: Experiment, options: EstimationOptions) -> Experiment:
+        Delay and process noise in turn: the likeliest delay with the noise of the last, then the noise near that which
+        is likeliest with it, until a delay comes again.
+        """
+        start = np.array([each.start for each in self.unknowns]) if values is None else values
+        experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
+        rubbing = [with_drum_friction(each, options.search) for each in experiments]
+        methods = [self._method(each, options, self.unknowns) for each in rubbing]
+        place, noise, least = min(experiment.simulation.delay_samples, len(methods) - 1), None, dict[int, float]()
+        while place not in least:
+            noise = methods[place].noise_at(start, noise)
+            deviances = [float(each.filters.deviances([(each.with_values(start), noise)])[0]) for each in methods]
+            least[place] = deviances[place]
+            place = int(np.argmin(deviances))
+        likeliest = min(least, key=lambda each: least[each])
+        return least[likeliest], experiments[likeliest]
+
+    def deviances_with(
+        self, noise: NoiseCovariances, experiments: Sequence[Experiment], options: EstimationOptions
+    ) -> list[float]:
+        """Deviance of each of several experiments with the same noise; infinite if filters diverge."""
+        filters = [self._method(each, options).filters for each in experiments]
+        return [float(own.deviances([(each, noise)])[0]) for own, each in zip(filters, experiments, strict=True)]
+
+    def likeliest_ropes(
+        self, experiment: Experiment, options: EstimationOptions, noise: NoiseCovariances | None = None
+    ) -> Experiment:
         """The experiment with its ropes or with lighter ones (`lighter_ropes`), whichever is clearly likelier.
 
-        By their profile likelihoods: each with the process noise with which it is likeliest, from a rough search.
+        All with the same noise; default: each with the process noise with which it is likeliest (profile likelihood),
+        from a rough search.
         """
         forms = lighter_ropes(experiment, [each.key for each in self.unknowns])
         if len(forms) == 1:
             return experiment
-        none = np.zeros(0)
         rubbing = [with_drum_friction(each, options.search) for each in forms]
-        deviances = [self._method(each, options).deviance(none) for each in rubbing]
+        if noise:
+            deviances = self.deviances_with(noise, rubbing, options)
+        else:
+            deviances = [self._method(each, options).deviance(np.zeros(0)) for each in rubbing]
         likeliest = int(np.argmin(deviances))
         return forms[likeliest] if deviances[likeliest] + CONSIDERABLE < deviances[0] else experiment
 
