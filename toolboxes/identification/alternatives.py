@@ -115,7 +115,7 @@ class LightRopes(BuiltIn):
         other = replace(model, kinds=tuple(kind for kind in model.kinds if kind != self.kind))
         experiment = with_leaves(fit.experiment, likeliest)
         if likeliest == ropes_of(screening.described):
-            yield replace(other, experiment=experiment, starts=())
+            yield replace(other, experiment=experiment)
         else:
             yield other.extended(self.kind, experiment)
 
@@ -196,7 +196,7 @@ class TorqueDelay(BuiltIn):
             samples = [samples[place] for place in np.argsort(deviances)]
         described = screening.described.simulation.delay_samples
         for each in samples:
-            model = replace(fit.model, experiment=delayed(experiment, each), starts=())
+            model = replace(fit.model, experiment=delayed(experiment, each))
             if each != described:
                 yield fit.model.extended(self.kind, model.experiment, further=self.kind not in fit.model.kinds)
             elif self.kind in fit.model.kinds:

@@ -173,9 +173,9 @@ class PredictionErrorMethod:
         start = near or self.initial_noise()
         return self._noise.with_process_noise(self.with_values(values), start, anywhere=near is None)
 
-    def deviance(self, values: Floats) -> float:
-        """Minus twice the log-likelihood at given values, with process noise from a rough search."""
-        return float(self.filters.deviances([(self.with_values(values), self.noise_at(values))])[0])
+    def deviance(self, values: Floats, noise: NoiseCovariances | None = None) -> float:
+        """Minus twice the log-likelihood at given values; default noise: that of a rough search (`noise_at`)."""
+        return float(self.filters.deviances([(self.with_values(values), noise or self.noise_at(values))])[0])
 
     def run(
         self,

@@ -403,9 +403,8 @@ class Likelihood:
            one, which gives the curvatures. Where a drum turns back or a rope slackens, the likelihood has kinks and
            jumps, at which slopes lead nowhere; polls go on from there to whatever neighbour is likelier: generating set
            search with Newton steps (Kolda, Lewis and Torczon, SIAM Review 45 (2003) 385). After a Newton step the next
-           poll is as wide as that was long, or its square where that is shorter, as its error is; after a move to a
-           neighbour it is twice as wide, up to one deviation, and half as wide where there was no move. After more than
-           one deviation, ascend again.
+           poll is as wide as that was long, or its square where that is shorter, as its error is; else as wide as the
+           last ones. After more than one deviation, ascend again.
         3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier by as much
            as at a smooth maximum (the square of it), or after `SearchOptions.max_polls`.
         """
@@ -432,10 +431,8 @@ class Likelihood:
                 size, moved, frame = 1.0, 0.0, self.frame(at, noise, coordinates, fixed) or frame
             elif size > 1:
                 size = 1.0
-            elif fell and result.newton:
-                size = max(result.length * min(result.length, 1.0), end)
             else:
-                size = min(2 * size, 1.0) if fell else max(size / 2, end)
+                size = max(result.length * min(result.length, 1.0), end) if fell and result.newton else end
         (deviance,) = self.deviances([at], noise, coordinates).tolist()
         return LikelihoodMaximum(at, noise, deviance, frame.information_with(curvatures), converged)
 

@@ -41,7 +41,6 @@ class LogModel:
         kinds: of the alternatives to the experiment as described (`alternatives.Alternative`).
         nuisances: parameters that are estimated along, behind the requested ones.
         further: number of further parameters that were chosen by the logs.
-        starts: values of all parameters at which searches begin; none: their own starts.
     """
 
     experiment: Experiment
@@ -49,7 +48,6 @@ class LogModel:
     kinds: tuple[str, ...] = ()
     nuisances: tuple[UnknownParameter, ...] = ()
     further: int = 0
-    starts: tuple[tuple[float, ...], ...] = ()
 
     def extended(
         self, kind: str, experiment: Experiment, nuisances: Sequence[UnknownParameter] = (), further: int = 0
@@ -62,7 +60,6 @@ class LogModel:
             kinds=(*self.kinds, *([kind] if kind not in self.kinds else [])),
             nuisances=(*(each for each in self.nuisances if each.key not in keys), *nuisances),
             further=self.further + further,
-            starts=(),
         )
 
 

@@ -109,38 +109,26 @@ class LogScreening:
     def likeliest_at_start(
         self, experiment: Experiment, options: EstimationOptions, values: Floats | None = None
     ) -> tuple[float, Experiment]:
-        """The least deviance over all delays of the torques, and the experiment with it; values as above.
-
-        Delay and process noise in turn: the likeliest delay with the noise of the last, then the noise near that which
-        is likeliest with it, until a delay comes again.
-        """
+        """The least deviance over all delays of the torques, and the experiment with it; values as above."""
         start = np.array([each.start for each in self.unknowns]) if values is None else values
         experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
         rubbing = [with_drum_friction(each, options.search) for each in experiments]
         methods = [self._method(each, options, self.unknowns) for each in rubbing]
-        place, noise, least = min(experiment.simulation.delay_samples, len(methods) - 1), None, dict[int, float]()
-        while place not in least:
-            noise = methods[place].noise_at(start, noise)
-            deviances = [float(each.filters.deviances([(each.with_values(start), noise)])[0]) for each in methods]
-            least[place] = deviances[place]
-            place = int(np.argmin(deviances))
-        likeliest = min(least, key=lambda each: least[each])
-        return least[likeliest], experiments[likeliest]
+        place, deviances = likeliest_in_turn(methods, start, min(experiment.simulation.delay_samples, len(methods) - 1))
+        return deviances[place], experiments[place]
 
     def deviances_with(
         self, noise: NoiseCovariances, experiments: Sequence[Experiment], options: EstimationOptions
     ) -> list[float]:
         """Deviance of each of several experiments with the same noise; infinite if filters diverge."""
-        filters = [self._method(each, options).filters for each in experiments]
-        return [float(own.deviances([(each, noise)])[0]) for own, each in zip(filters, experiments, strict=True)]
+        return [self._method(each, options).deviance(np.zeros(0), noise) for each in experiments]
 
     def likeliest_ropes(
         self, experiment: Experiment, options: EstimationOptions, noise: NoiseCovariances | None = None
     ) -> Experiment:
         """The experiment with its ropes or with lighter ones (`lighter_ropes`), whichever is clearly likelier.
 
-        All with the same noise; default: each with the process noise with which it is likeliest (profile likelihood),
-        from a rough search.
+        All with the same noise; default: with that at which the likeliest is likeliest (`likeliest_in_turn`).
         """
         forms = lighter_ropes(experiment, [each.key for each in self.unknowns])
         if len(forms) == 1:
@@ -148,9 +136,10 @@ class LogScreening:
         rubbing = [with_drum_friction(each, options.search) for each in forms]
         if noise:
             deviances = self.deviances_with(noise, rubbing, options)
+            likeliest = int(np.argmin(deviances))
         else:
-            deviances = [self._method(each, options).deviance(np.zeros(0)) for each in rubbing]
-        likeliest = int(np.argmin(deviances))
+            methods = [self._method(each, options) for each in rubbing]
+            likeliest, deviances = likeliest_in_turn(methods, np.zeros(0), len(methods) - 1)
         return forms[likeliest] if deviances[likeliest] + CONSIDERABLE < deviances[0] else experiment
 
     def lags(self, experiment: Experiment, options: EstimationOptions) -> Floats:
@@ -313,6 +302,21 @@ class LogScreening:
         described, factor = experiment.disturbance.vortex_amplitude, options.search.contradicting_amplitude
         starts = vortex_starts(self.logs, experiment, self.strouhal_reach(experiment, options), options)
         return bool(starts) and not described / factor < starts[0][1] < described * factor
+
+
+def likeliest_in_turn(methods: Sequence[PredictionErrorMethod], values: Floats, first: int) -> tuple[int, list[float]]:
+    """The likeliest of several models at the same values, and the deviances of all with its noise.
+
+    Model and process noise in turn: from the noise at which the `first` is likeliest, by a search over the whole range,
+    to the model that is likeliest with it, whose own is near, until a model comes again.
+    """
+    turns, noise, place = dict[int, list[float]](), None, first
+    while place not in turns:
+        noise = methods[place].noise_at(values, noise)
+        turns[place] = [each.deviance(values, noise) for each in methods]
+        place = int(np.argmin(turns[place]))
+    likeliest = min(turns, key=lambda each: turns[each][each])
+    return likeliest, turns[likeliest]
 
 
 def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:
