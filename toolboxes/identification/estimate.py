@@ -168,10 +168,9 @@ class PredictionErrorMethod:
         information[:count, count:], information[count:, :count] = across, across.T
         return information
 
-    def noise_at(self, values: Floats, near: NoiseCovariances | None = None) -> NoiseCovariances:
-        """Initial R, and Q from a rough search, at given values; or both `near` some noise."""
-        start = near or self.initial_noise()
-        return self._noise.with_process_noise(self.with_values(values), start, anywhere=near is None)
+    def noise_at(self, values: Floats) -> NoiseCovariances:
+        """Initial R, and Q from a rough search, at given values."""
+        return self._noise.with_process_noise(self.with_values(values), self.initial_noise(), anywhere=True)
 
     def deviance(self, values: Floats, noise: NoiseCovariances | None = None) -> float:
         """Minus twice the log-likelihood at given values; default noise: that of a rough search (`noise_at`)."""

@@ -307,12 +307,12 @@ class LogScreening:
 def likeliest_in_turn(methods: Sequence[PredictionErrorMethod], values: Floats, first: int) -> tuple[int, list[float]]:
     """The likeliest of several models at the same values, and the deviances of all with its noise.
 
-    Model and process noise in turn: from the noise at which the `first` is likeliest, by a search over the whole range,
-    to the model that is likeliest with it, whose own is near, until a model comes again.
+    Model and process noise in turn: from the noise at which the `first` is likeliest to the model that is likeliest
+    with that, until a model comes again.
     """
-    turns, noise, place = dict[int, list[float]](), None, first
+    turns, place = dict[int, list[float]](), first
     while place not in turns:
-        noise = methods[place].noise_at(values, noise)
+        noise = methods[place].noise_at(values)
         turns[place] = [each.deviance(values, noise) for each in methods]
         place = int(np.argmin(turns[place]))
     likeliest = min(turns, key=lambda each: turns[each][each])
