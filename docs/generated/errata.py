@@ -1,6 +1,6 @@
 """The paper's errata and the assumptions about what it leaves open: the content of docs/errata.md."""
 
-from dualwinch.reports.errata import INTRODUCTION, NOTES
+from dualwinch.toolboxes.paper.errata import INTRODUCTION, NOTES
 
 
 def errata_markdown() -> str:

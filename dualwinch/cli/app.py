@@ -25,7 +25,7 @@ from dualwinch.cli.export import export
 from dualwinch.cli.linearise import linearise
 from dualwinch.cli.output import NOTES
 from dualwinch.cli.preload import preload
-from dualwinch.cli.reproduce import reproduce
+from dualwinch.toolboxes.paper.cli import reproduce
 from dualwinch.cli.sensitivities import sensitivities
 from dualwinch.cli.simulate import simulate
 from dualwinch.cli.sweep import sweep

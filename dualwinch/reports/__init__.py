@@ -1,1 +1,1 @@
-"""HTML reports, and the paper's errata and claims."""
+"""HTML reports."""

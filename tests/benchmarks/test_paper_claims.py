@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.paper_claims import TABLES, claims
 from benchmarks.paper_effects import CHOICES, facts, reduction
-from dualwinch.reports.errata import NOTES
+from dualwinch.toolboxes.paper.errata import NOTES
 
 PAGE = Path(__file__).parents[2] / "docs" / "paper.md"
 

@@ -14,7 +14,7 @@ from dualwinch.cli.simulate import engine_here
 from dualwinch.model.quantities.figures import FigureColumn, FigureTable
 
 if TYPE_CHECKING:
-    from dualwinch.reports.claims import Claim
+    from dualwinch.toolboxes.paper.claims import Claim
     from dualwinch.simulation.experiment import EngineName
     from dualwinch.simulation.results.result import Result
 
@@ -74,7 +74,7 @@ FIGURE_21 = 21
 def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: bool) -> None:
     """Run, draw, write and print, once options and folders are checked."""
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.reports.claims import claims
+    from dualwinch.toolboxes.paper.claims import claims
     from dualwinch.simulation.paper import FIGURES, case
     from dualwinch.simulation.results.file_formats import save
     from dualwinch.simulation.settings import override
@@ -111,7 +111,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
             step("figure 21: with and without observer")
             images[FIGURE_21] = _draw("steady_state_bars", _of_case(runs, 4), out, FIGURE_21)
         step("report")
-        from dualwinch.reports.reproduction import write_report
+        from dualwinch.toolboxes.paper.report import write_report
 
         observers = other_observers(runs, engine) if compared else {}
         results = claims(runs, observers)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.reports.claims import claims, converged_at
+from dualwinch.toolboxes.paper.claims import claims, converged_at
 from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.results.result import Result
 

@@ -11,8 +11,8 @@ import pytest
 
 from docs.generated.errata import errata_markdown
 from dualwinch.model.quantities.description import describe
-from dualwinch.reports.errata import NOTES
-from dualwinch.reports.reproduction import summary, write_report
+from dualwinch.toolboxes.paper.errata import NOTES
+from dualwinch.toolboxes.paper.report import summary, write_report
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.results.result import Result

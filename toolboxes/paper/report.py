@@ -9,8 +9,8 @@ import numpy as np
 
 from dualwinch.analysis.idealisations import idealisations
 from dualwinch.codegen.text import enumeration
-from dualwinch.reports.claims import Claim, claims
-from dualwinch.reports.errata import INTRODUCTION, NOTES, places
+from dualwinch.toolboxes.paper.claims import Claim, claims
+from dualwinch.toolboxes.paper.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import data_uri, number_text, write_page
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
