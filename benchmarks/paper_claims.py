@@ -12,9 +12,8 @@ import numpy as np
 import dualwinch as dw
 from benchmarks.document import command, publish
 from benchmarks.paper_effects import LAW, WITHOUT, choices_table, facts_table
-from dualwinch.toolboxes.paper.cli import other_observers
 from dualwinch.controllers.controller import Controller
-from dualwinch.toolboxes.paper.claims import Claim, Verdict, verdict_of
+from dualwinch.toolboxes.paper.claims import Claim, Verdict, other_observers, verdict_of
 from dualwinch.toolboxes.paper.claims import claims as claims_of
 
 PID = "pid-cascade"

@@ -112,6 +112,8 @@ if TYPE_CHECKING:
     from dualwinch.simulation import simulate as runs
     # columns, figures of merit and outcome of a run
     from dualwinch.simulation.results.result import Result
+    # figures of several runs: the paper's Figures 5 to 21
+    from dualwinch.simulation.results import figures as run_figures
     # results as files
     from dualwinch.simulation.results import file_formats
     # how runs end
@@ -138,6 +140,8 @@ if TYPE_CHECKING:
     from dualwinch.simulation.plots import drawing
     # a result's table as text, Markdown and HTML
     from dualwinch.model.quantities import tables
+    # tables of named numbers with units, for terminal and files alike
+    from dualwinch.model.quantities import figures as figure_tables
     # self-contained HTML reports
     from dualwinch.reports import page as report_page
     # texts in one line, for comments, Markdown and XML
@@ -190,6 +194,8 @@ if TYPE_CHECKING:
     from dualwinch.cli import notes
     # the terminal, JSON, and files that were written
     from dualwinch.cli import output
+    # the engine that was asked for, or the interpreter where there is no compiler
+    from dualwinch.cli.simulate import engine_here
     # progress on the terminal
     from dualwinch.cli.progress import ProgressLine
     # what toolboxes offer to each other, by entry points

@@ -127,11 +127,6 @@ def steady_change(metrics: Mapping[str, Metrics]) -> dict[str, float] | None:
     return {key: after / before - 1 if before else float("nan") for key, (after, before) in pairs.items()}
 
 
-def reductions(metrics: Mapping[tuple[int, str], Metrics]) -> dict[str, float] | None:
-    """Figure 21's reductions, from (case, controller) → figures of merit; ``None`` if Case 4 was not run with both."""
-    return steady_change({kind: merits for (number, kind), merits in metrics.items() if number == COMPARED_CASE})
-
-
 def percent(share: float, form: str = "+.1f") -> str:
     """A relative change in percent, with a true minus sign (U+2212), e.g. −74.4 % for −0.744.
 

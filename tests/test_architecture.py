@@ -239,7 +239,7 @@ def test_a_name_of_the_list_is_imported_when_first_used() -> None:
 
 def test_every_name_of_the_list_is_used() -> None:
     used = {each.name.removeprefix(f"{LIST}.") for each in imports() if each.name.startswith(f"{LIST}.")}
-    missing_toolboxes = {"fmu", "identification", "lab", "plc", "race", "server", "stepper", "stress"} - {
+    missing_toolboxes = {"fmu", "identification", "lab", "paper", "plc", "race", "server", "stepper", "stress"} - {
         toolbox_of(module) for module in modules()
     }
     assert missing_toolboxes or used == set(listed())

@@ -15,8 +15,7 @@ from dualwinch.analysis.stability import REAL
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.toolboxes.paper.claims import BAND, converged_at
-from dualwinch.simulation.paper import reductions
+from dualwinch.toolboxes.paper.claims import BAND, converged_at, reductions
 
 
 def minus(text: str) -> str:

@@ -25,7 +25,6 @@ from dualwinch.cli.export import export
 from dualwinch.cli.linearise import linearise
 from dualwinch.cli.output import NOTES
 from dualwinch.cli.preload import preload
-from dualwinch.toolboxes.paper.cli import reproduce
 from dualwinch.cli.sensitivities import sensitivities
 from dualwinch.cli.simulate import simulate
 from dualwinch.cli.sweep import sweep
@@ -37,9 +36,9 @@ DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 128 + signal.SIGINT
 
 app = App(
     name="dualwinch",
-    help="""Control of a vehicle towed by two winches: simulate, reproduce the paper, tune gains, export code.
+    help="""Control of a vehicle towed by two winches: simulate, analyse, tune gains, export code.
 
-Start with `dualwinch reproduce`, or look at a single run:
+Start with a single run:
 
     dualwinch simulate --case 4 --plot run.png
     dualwinch simulate --case 4 --set controller.observer.l0=20 --out run.csv
@@ -55,7 +54,6 @@ Add `--traceback` to any command to see where in the program a failure occurred.
 )
 
 KERNEL_COMMANDS: dict[str, Any] = {
-    "reproduce": reproduce,
     "simulate": simulate,
     "sweep": sweep,
     "sensitivities": sensitivities,

@@ -22,4 +22,4 @@ from dualwinch.simulation.plots.style import (
     plain,
     prefixed_unit,
 )
-from dualwinch.simulation.plots.traces import drawable, largest, thin
+from dualwinch.simulation.plots.traces import drawable, largest, thin, within

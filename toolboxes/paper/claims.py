@@ -6,8 +6,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from dualwinch.simulation.paper import percent, reductions
-from dualwinch.simulation.results.result import Result
+from dualwinch.toolbox import Result, merits, paper, settings
+from dualwinch.toolbox import runs as simulations
 
 Runs: TypeAlias = Mapping[tuple[int, str], Result]
 """(case, controller) → result."""
@@ -76,6 +76,28 @@ def verdict_of(*holds: bool) -> Verdict:
     return "holds" if all(holds) else "partly" if any(holds) else "does not hold"
 
 
+def reductions(metrics: Mapping[tuple[int, str], merits.Metrics]) -> dict[str, float] | None:
+    """Figure 21's reductions, from (case, controller) → figures of merit; ``None`` if Case 4 was not run with both."""
+    return paper.steady_change(
+        {kind: merits for (number, kind), merits in metrics.items() if number == paper.COMPARED_CASE}
+    )
+
+
+OTHER_GAINS = (2.5, 50.0)
+"""Gains L₀ = K_f in 1/s beside the assumed ones (A9), to show how the results depend on them."""
+
+
+def other_observers(runs: Runs, engine: simulations.EngineName = "compiled") -> dict[float, float]:
+    """Gain of the observer in Case 4 → relative change of the steady mean error against no observer."""
+    without = runs[4, "nftsm"].metrics.steady_mae
+    comparisons = {}
+    for gain in OTHER_GAINS:
+        gains = {"controller.observer.l0": gain, "controller.observer.kf": gain}
+        with_it = simulations.simulate(settings.override(paper.case(4), gains), stride=0, engine=engine)
+        comparisons[gain] = with_it.metrics.steady_mae / without - 1
+    return comparisons
+
+
 def _convergence(runs: Runs) -> Iterator[Claim]:
     for number in (1, 2):
         if {(number, PROPOSED), (number, PID)} <= runs.keys():
@@ -122,7 +144,7 @@ def _observer_in_case_3(runs: Runs) -> Iterator[Claim]:
         yield Claim(
             "4.3",
             "Case 3: the observer makes convergence and steady-state error significantly better.",
-            f"Mean steady |e| {percent(change, '+.0f')}; within ±{BAND:g} m after {times[0]:.3g} s with it and "
+            f"Mean steady |e| {paper.percent(change, '+.0f')}; within ±{BAND:g} m after {times[0]:.3g} s with it and "
             f"{times[1]:.3g} s without.",
             "holds" if change <= -NOTICEABLE else verdict_of(change < 0, times[0] < (1 - NOTICEABLE) * times[1]),
         )
@@ -131,9 +153,9 @@ def _observer_in_case_3(runs: Runs) -> Iterator[Claim]:
 def _figure_21(runs: Runs, observer_gains: Mapping[float, float]) -> Iterator[Claim]:
     change = reductions({key: run.metrics for key, run in runs.items()})
     if change is not None:
-        here = ", ".join(percent(change[name]) for name in ("mae", "max_abs_error", "mse"))
+        here = ", ".join(paper.percent(change[name]) for name in ("mae", "max_abs_error", "mse"))
         gains = ", ".join(
-            f"with {gain:g} 1/s the mean changes by {percent(share)}" for gain, share in observer_gains.items()
+            f"with {gain:g} 1/s the mean changes by {paper.percent(share)}" for gain, share in observer_gains.items()
         )
         rests = f" This rests on the assumed L₀ = K_f = 5 1/s (A9): {gains}." if gains else ""
         yield Claim(

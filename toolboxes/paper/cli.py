@@ -8,15 +8,11 @@ from itertools import count, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dualwinch.cli.output import json_text, print_figures, styled, terminal, version_notes, versions
-from dualwinch.cli.progress import ProgressLine
-from dualwinch.cli.simulate import engine_here
-from dualwinch.model.quantities.figures import FigureColumn, FigureTable
+from dualwinch.toolbox import ProgressLine, figure_tables, output
 
 if TYPE_CHECKING:
+    from dualwinch.toolbox import Result
     from dualwinch.toolboxes.paper.claims import Claim
-    from dualwinch.simulation.experiment import EngineName
-    from dualwinch.simulation.results.result import Result
 
     Runs = dict[tuple[int, str], Result]
     """(case, controller) → result."""
@@ -47,24 +43,22 @@ def reproduce(
         dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
         dualwinch reproduce --extended
     """
-    from dualwinch.config.folders import made_folder
-    from dualwinch.simulation.paper import CASES, CONTROLLERS
+    from dualwinch.toolbox import folders, paper
 
-    numbers = [int(word) for word in _chosen("case", cases, [str(number) for number in CASES])]
-    kinds = _chosen("controller", controllers, list(CONTROLLERS))
-    with made_folder(out), made_folder(out / "data"), made_folder(out / "figures"):
+    numbers = [int(word) for word in _chosen("case", cases, [str(number) for number in paper.CASES])]
+    kinds = _chosen("controller", controllers, list(paper.CONTROLLERS))
+    with folders.made_folder(out), folders.made_folder(out / "data"), folders.made_folder(out / "figures"):
         _reproduce(out, numbers, kinds, extended=extended)
 
 
 def _chosen(what: str, text: str, known: list[str]) -> list[str]:
     """The words of an option, separated by commas, in the order of those that are known."""
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.model.quantities.quantity import unknown
+    from dualwinch.toolbox import ConfigurationError, quantities
 
     words = [word.strip() for word in text.split(",")]
     for word in words:
         if word not in known:
-            raise ConfigurationError(f"--{what}s = {text}: {unknown(what, word, known)}")
+            raise ConfigurationError(f"--{what}s = {text}: {quantities.unknown(what, word, known)}")
     return [word for word in known if word in words]
 
 
@@ -73,16 +67,13 @@ FIGURE_21 = 21
 
 def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: bool) -> None:
     """Run, draw, write and print, once options and folders are checked."""
-    from dualwinch.config.experiment_file import to_toml
-    from dualwinch.toolboxes.paper.claims import claims
-    from dualwinch.simulation.paper import FIGURES, case
-    from dualwinch.simulation.results.file_formats import save
-    from dualwinch.simulation.settings import override
-    from dualwinch.simulation.simulate import simulate
+    from dualwinch.toolbox import engine_here, experiment_file, file_formats, paper, settings
+    from dualwinch.toolbox import runs as simulations
+    from dualwinch.toolboxes.paper.claims import claims, other_observers
 
     engine = engine_here("compiled")
     jobs = [(number, kind) for number in numbers for kind in kinds]
-    contents = [figure for figure in FIGURES if figure.case in numbers]
+    contents = [figure for figure in paper.FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)
     combinations = list(product(numbers, variants_beyond_paper())) if extended else []
     steps, steps_finished = 2 * len(jobs) + len(contents) + compared + 1 + len(combinations), count()
@@ -96,14 +87,14 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
 
         for number, kind in jobs:
             step(f"case {number}, {kind}: simulate")
-            runs[number, kind] = simulate(case(number, kind), engine=engine)
+            runs[number, kind] = simulations.simulate(paper.case(number, kind), engine=engine)
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
-            save(result, out / "data" / f"case{number}-{kind}.parquet", version_notes())
+            file_formats.save(result, out / "data" / f"case{number}-{kind}.parquet", output.version_notes())
         for number, (law, coordination) in combinations:
             step(f"case {number}, {law}, {coordination}")
-            experiment = override(case(number, law), {"controller.coordination.kind": coordination})
-            variants[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
+            experiment = settings.override(paper.case(number, law), {"controller.coordination.kind": coordination})
+            variants[number, law, coordination] = simulations.simulate(experiment, stride=0, engine=engine)
         for figure in contents:
             step(f"figure {figure.number}: case {figure.case}, {figure.content}")
             images[figure.number] = _draw(figure.content, _of_case(runs, figure.case), out, figure.number)
@@ -116,10 +107,17 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         observers = other_observers(runs, engine) if compared else {}
         results = claims(runs, observers)
         _write_metrics(out / "metrics.json", runs, variants, observers, results)
-        write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), results)
-    console = terminal()
-    print_figures([*tables(runs, variants), claims_table(results)])
-    console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
+        write_report(
+            out / "report.html",
+            runs,
+            images,
+            experiment_file.to_toml(paper.case(numbers[-1])),
+            output.versions(),
+            results,
+        )
+    console = output.terminal()
+    output.print_figures([*tables(runs, variants), claims_table(results)])
+    console.print("Figures, data and report are in", output.styled("bold", str(out), f"; open {out / 'report.html'}"))
 
 
 def _of_case(runs: Runs, number: int) -> dict[str, Result]:
@@ -128,25 +126,24 @@ def _of_case(runs: Runs, number: int) -> dict[str, Result]:
 
 def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> bytes:
     """Write one figure as PNG and SVG, and return the SVG for the report."""
-    from dualwinch import plots
+    from dualwinch.toolbox import drawing, run_figures
 
-    figure = getattr(plots, content)(results)
+    figure = getattr(run_figures, content)(results)
     path = out / "figures" / f"figure{number:02d}.svg"
     for file in (path.with_suffix(".png"), path):
-        plots.save(figure, file)
+        drawing.save(figure, file)
     return path.read_bytes()
 
 
 def _write_metrics(
     path: Path, runs: Runs, variants: Variants, observers: Mapping[float, float], found: list[Claim]
 ) -> None:
-    from dualwinch.codegen.files import write_whole
-    from dualwinch.simulation.metrics.metrics import metric_quantities
-    from dualwinch.simulation.paper import REDUCTIONS, reductions
+    from dualwinch.toolbox import merits, paper, whole_files
+    from dualwinch.toolboxes.paper.claims import reductions
 
     content = {
-        "versions": versions(),
-        "units": {name: quantity.unit for name, quantity in metric_quantities().items()}
+        "versions": output.versions(),
+        "units": {name: quantity.unit for name, quantity in merits.metric_quantities().items()}
         | dict.fromkeys(("reductions", "change"), "1")
         | {"gain": "1/s"},
         "runs": [
@@ -155,7 +152,7 @@ def _write_metrics(
         ],
         "figure": FIGURE_21,
         "reductions": reductions({key: run.metrics for key, run in runs.items()}) or {},
-        "paper_reductions": REDUCTIONS,
+        "paper_reductions": paper.REDUCTIONS,
         "other_observers": [{"gain": gain, "change": change} for gain, change in observers.items()],
         "claims": list(map(asdict, found)),
     }
@@ -165,26 +162,7 @@ def _write_metrics(
             | dict(result.metrics)
             for (number, law, coordination), result in variants.items()
         ]
-    write_whole(path, json_text(content))
-
-
-OTHER_GAINS = (2.5, 50.0)
-"""Gains L₀ = K_f in 1/s beside the assumed ones (A9), to show how the results depend on them."""
-
-
-def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, float]:
-    """Gain of the observer in Case 4 → relative change of the steady mean error against no observer."""
-    from dualwinch.simulation.paper import case
-    from dualwinch.simulation.settings import override
-    from dualwinch.simulation.simulate import simulate
-
-    without = runs[4, "nftsm"].metrics.steady_mae
-    comparisons = {}
-    for gain in OTHER_GAINS:
-        gains = {"controller.observer.l0": gain, "controller.observer.kf": gain}
-        with_it = simulate(override(case(4), gains), stride=0, engine=engine)
-        comparisons[gain] = with_it.metrics.steady_mae / without - 1
-    return comparisons
+    whole_files.write_whole(path, output.json_text(content))
 
 
 TRACKING = ("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse")
@@ -193,38 +171,41 @@ FURTHER_METRICS = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension"
 """Figures of merit in the tables."""
 
 
-def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[str, ...]) -> FigureTable:
+def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[str, ...]) -> figure_tables.FigureTable:
     """Figures of merit of runs, (case, controller in words) → result, with the outcome of those not completed."""
-    from dualwinch.simulation.metrics.metrics import metric_quantities
+    from dualwinch.toolbox import merits
 
-    merits = metric_quantities()
-    columns = [FigureColumn("case"), FigureColumn("controller", "")]
-    columns += [merits[name].column(name) for name in names]
+    quantities = merits.metric_quantities()
+    columns = [figure_tables.FigureColumn("case"), figure_tables.FigureColumn("controller", "")]
+    columns += [quantities[name].column(name) for name in names]
     rows = []
     for (number, controller), result in runs.items():
         ended = "" if result.outcome == "completed" else f" ({result.outcome})"
         rows.append([number, controller + ended, *(result.metrics[name] for name in names)])
-    return FigureTable(title, columns, rows, title)
+    return figure_tables.FigureTable(title, columns, rows, title)
 
 
-def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
+def tables(runs: Runs, variants: Variants) -> list[figure_tables.FigureTable]:
     """Figures of merit, Figure 21's reductions if their runs are there, and the variants.
 
     A variant is named by the part that differs from the paper's: position law or coordination.
     """
-    from dualwinch.simulation.metrics.metrics import metric_quantities
-    from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, reductions
+    from dualwinch.toolbox import merits, paper
+    from dualwinch.toolboxes.paper.claims import reductions
 
-    named = {(number, CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
+    named = {(number, paper.CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
     tables = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPE_METRICS)]
     if change := reductions({key: run.metrics for key, run in runs.items()}):
         title = "Figure 21: effect of the observer\n(Case 4, steady state)"
-        merits = metric_quantities()
+        quantities = merits.metric_quantities()
         columns = [
-            FigureColumn(key, heading=merits[key].label, factor=100, form="+.3g", shown_unit="%") for key in change
+            figure_tables.FigureColumn(key, heading=quantities[key].label, factor=100, form="+.3g", shown_unit="%")
+            for key in change
         ]
-        rows = [("here", *change.values()), ("paper", *(REDUCTIONS[key] for key in change))]
-        tables.append(FigureTable("reductions", (FigureColumn("", ""), *columns), rows, title))
+        rows = [("here", *change.values()), ("paper", *(paper.REDUCTIONS[key] for key in change))]
+        tables.append(
+            figure_tables.FigureTable("reductions", (figure_tables.FigureColumn("", ""), *columns), rows, title)
+        )
     for case in dict.fromkeys(number for number, *_ in variants):
         results = {
             (number, law if coordination == PAPERS_COORDINATION else coordination): result
@@ -237,16 +218,16 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
     return tables
 
 
-def claims_table(claims: list[Claim]) -> FigureTable:
+def claims_table(claims: list[Claim]) -> figure_tables.FigureTable:
     """The paper's claims with the verdicts of these runs."""
     colours = {"holds": "green", "partly": "yellow", "does not hold": "red"}
     columns = (
-        FigureColumn("words", "", "the paper says"),
-        FigureColumn("here", "", "these runs say"),
-        FigureColumn("verdict", "", "", styles=colours),
+        figure_tables.FigureColumn("words", "", "the paper says"),
+        figure_tables.FigureColumn("here", "", "these runs say"),
+        figure_tables.FigureColumn("verdict", "", "", styles=colours),
     )
     rows = [(claim.words, claim.here, claim.verdict) for claim in claims]
-    return FigureTable(
+    return figure_tables.FigureTable(
         "claims", columns, rows, "The paper, claim by claim" if rows else "", layout="rows" if rows else "file"
     )
 
@@ -256,8 +237,10 @@ PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"
 
 def variants_beyond_paper() -> list[tuple[str, str]]:
     """Position law and coordination of each variant."""
-    from dualwinch.controllers.controller import POSITION_LAWS
-    from dualwinch.controllers.registry import COORDINATIONS
+    from dualwinch.toolbox import registries
 
-    alternatives = (coordination for coordination in COORDINATIONS if coordination != PAPERS_COORDINATION)
-    return [*((law, PAPERS_COORDINATION) for law in POSITION_LAWS), *((PAPERS_LAW, other) for other in alternatives)]
+    alternatives = (coordination for coordination in registries.COORDINATIONS if coordination != PAPERS_COORDINATION)
+    return [
+        *((law, PAPERS_COORDINATION) for law in registries.POSITION_LAWS),
+        *((PAPERS_LAW, other) for other in alternatives),
+    ]

@@ -7,17 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dualwinch.analysis.idealisations import idealisations
-from dualwinch.codegen.text import enumeration
-from dualwinch.toolboxes.paper.claims import Claim, claims
+from dualwinch.toolbox import Result, drawing, idealisations, merits, paper, report_page, run_figures, texts
+from dualwinch.toolboxes.paper.claims import Claim, claims, reductions
 from dualwinch.toolboxes.paper.errata import INTRODUCTION, NOTES, places
-from dualwinch.reports.page import data_uri, number_text, write_page
-from dualwinch.simulation.metrics.metric import MetricQuantity
-from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.paper import CASES, CONTENTS, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
-from dualwinch.simulation.plots.traces import largest, within
-from dualwinch.simulation.results.figures import COMPARABLE
-from dualwinch.simulation.results.result import Result
 
 PAPER_DOI = "https://doi.org/10.3390/jmse13061120"
 
@@ -84,31 +76,38 @@ def write_report(
     Raises:
         OSError: the file cannot be written.
     """
-    change, merits = reductions({key: run.metrics for key, run in runs.items()}), metric_quantities()
+    change, quantities = reductions({key: run.metrics for key, run in runs.items()}), merits.metric_quantities()
     cards = [
-        {"name": merits[metric].label, "here": percent(change[metric]), "paper": percent(paper, "+g")}
-        for metric, paper in (REDUCTIONS if change else {}).items()
+        {
+            "name": quantities[metric].label,
+            "here": paper.percent(change[metric]),
+            "paper": paper.percent(reported, "+g"),
+        }
+        for metric, reported in (paper.REDUCTIONS if change else {}).items()
         if change
     ]
-    write_page(
+    report_page.write_page(
         path,
-        "report.html.j2",
+        "paper.html.j2",
+        Path(__file__).parent / "templates",
         paper=PAPER_DOI,
         summary=summary(runs),
         cards=cards,
         claims=claims(runs) if found is None else found,
-        columns=[merits[name] for name in TABLE_COLUMNS],
+        columns=[quantities[name] for name in TABLE_COLUMNS],
         cases=[
             {
                 "number": number,
-                "name": CASES[number],
-                "rows": _rows({kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}),
+                "name": paper.CASES[number],
+                "rows": _rows({kind: runs[number, kind] for kind in paper.CONTROLLERS if (number, kind) in runs}),
                 "pictures": _pictures(number, runs, figures),
             }
             for number in sorted({number for number, _kind in runs})
         ],
         comparison=_comparison(figures),
-        idealised=dict.fromkeys(one.statement for run in runs.values() for one in idealisations(run.experiment)),
+        idealised=dict.fromkeys(
+            one.statement for run in runs.values() for one in idealisations.idealisations(run.experiment)
+        ),
         configuration=configuration.strip(),
         versions=versions,
         introduction=INTRODUCTION,
@@ -119,53 +118,55 @@ def write_report(
 def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     """Two sentences: the runs, and their result beside the paper's."""
     numbers = sorted({number for number, _kind in runs})
-    kinds = [CONTROLLERS[kind] for kind in CONTROLLERS if any(run == kind for _number, run in runs)]
-    cases = f"Case{'s' * (len(numbers) > 1)} {enumeration([str(number) for number in numbers])}"
+    kinds = [paper.CONTROLLERS[kind] for kind in paper.CONTROLLERS if any(run == kind for _number, run in runs)]
+    cases = f"Case{'s' * (len(numbers) > 1)} {texts.enumeration([str(number) for number in numbers])}"
     plural = "s" * (len(runs) != 1)
-    opening = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {enumeration(kinds)}."
+    opening = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {texts.enumeration(kinds)}."
     change = reductions({key: run.metrics for key, run in runs.items()})
     if change is None:
         return opening + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
-    merits = metric_quantities()
-    here = enumeration([f"{merits[metric].label} by {percent(change[metric])}" for metric in REDUCTIONS])
-    paper = enumeration([percent(value, "+g") for value in REDUCTIONS.values()])
-    second = f"In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {paper}."
+    quantities = merits.metric_quantities()
+    here = texts.enumeration(
+        [f"{quantities[metric].label} by {paper.percent(change[metric])}" for metric in paper.REDUCTIONS]
+    )
+    reported = texts.enumeration([paper.percent(value, "+g") for value in paper.REDUCTIONS.values()])
+    second = f"In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {reported}."
     return f"{opening} {second}".replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
-    merits = metric_quantities()
-    best = {name: _best(results, name, merits[name]) for name in TABLE_COLUMNS}
+    quantities = merits.metric_quantities()
+    best = {name: _best(results, name, quantities[name]) for name in TABLE_COLUMNS}
     return [
         {
             "kind": kind,
-            "name": CONTROLLERS[kind],
+            "name": paper.CONTROLLERS[kind],
             "outcome": ""
             if result.outcome == "completed"
             else f"{result.outcome.replace('_', ' ')} at {result.end_time:.3g} s",
             "cells": [
                 {"text": text, "best": text == best[name]}
                 for name in TABLE_COLUMNS
-                for text in [number_text(merits[name].scale * result.metrics[name])]
+                for text in [report_page.number_text(quantities[name].scale * result.metrics[name])]
             ],
         }
         for kind, result in results.items()
     ]
 
 
-def _best(results: Mapping[str, Result], name: str, merit: MetricQuantity) -> str | None:
+def _best(results: Mapping[str, Result], name: str, merit: merits.MetricQuantity) -> str | None:
     """Text of the best value of a column; ``None`` if there is only one or all look the same."""
     values = [merit.scale * each.metrics[name] for each in results.values() if each.outcome == "completed"]
     finite = [value for value in values if np.isfinite(value)]
-    if len({number_text(value) for value in finite}) < 2:
+    if len({report_page.number_text(value) for value in finite}) < 2:
         return None
-    return number_text(max(finite) if merit.small_is_bad else min(finite))
+    return report_page.number_text(max(finite) if merit.small_is_bad else min(finite))
 
 
 def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapping[int, bytes]) -> list[Picture]:
     reference = next(run for (case, _kind), run in runs.items() if case == number).experiment.reference.kind
     pictures: list[Picture] = []
-    for figure in FIGURES:
+    for figure in paper.FIGURES:
         if figure.case != number or figure.number not in figures:
             continue
         caption = CAPTIONS[figure.content]
@@ -173,17 +174,19 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
             caption += " " + EVENTS[reference]
         if figure.content == "tensions":
             caption += " " + RINGING
-        runs_of_case = {kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}
+        runs_of_case = {kind: runs[number, kind] for kind in paper.CONTROLLERS if (number, kind) in runs}
         caption = " ".join([caption, *remarks(figure.content, runs_of_case)])
-        title = f"Case {number}: {CONTENTS[figure.content]}"
-        pictures.append(Picture(figure.number, title, caption, data_uri(figures[figure.number])))
+        title = f"Case {number}: {paper.CONTENTS[figure.content]}"
+        pictures.append(Picture(figure.number, title, caption, report_page.data_uri(figures[figure.number])))
     return pictures
 
 
 def _comparison(figures: Mapping[int, bytes]) -> Picture | None:
     if 21 not in figures:
         return None
-    return Picture(21, "Case 4: effect of the observer in the steady state", FIGURE_21, data_uri(figures[21]))
+    return Picture(
+        21, "Case 4: effect of the observer in the steady state", FIGURE_21, report_page.data_uri(figures[21])
+    )
 
 
 DRAWN = {"trajectory": ("x",), "error": ("e",), "commands": ("F1_cmd", "F2_cmd"), "tensions": ("F1", "F2")}
@@ -202,7 +205,7 @@ def remarks(content: str, runs: Mapping[str, Result]) -> list[str]:
     """
     sentences = []
     if together := _together(content, runs):
-        sentences.append(f"At the scale of the whole run the lines of {enumeration(together)} coincide.")
+        sentences.append(f"At the scale of the whole run the lines of {texts.enumeration(together)} coincide.")
     if content == "error":
         sentences += [f"There, {name} is off the panel; its range is given in words." for name in _off_the_panel(runs)]
     return sentences
@@ -218,13 +221,13 @@ def _together(content: str, runs: Mapping[str, Result]) -> list[str]:
         distances = [np.abs(runs[one][name][:rows] - runs[other][name][:rows]).max(initial=0.0) for name in columns]
         if all(distance <= COINCIDE * spans[name] for name, distance in zip(columns, distances, strict=True)):
             labels += [one, other]
-    return [CONTROLLERS[kind] for kind in dict.fromkeys(labels)]
+    return [paper.CONTROLLERS[kind] for kind in dict.fromkeys(labels)]
 
 
 def _off_the_panel(runs: Mapping[str, Result]) -> list[str]:
     """Names of the controllers whose steady-state error is too large for the panel of the others."""
     sizes = {}
     for kind, run in runs.items():
-        sizes[kind] = largest(run["e"][within(run["t"], *run.experiment.steady_window)])
+        sizes[kind] = drawing.largest(run["e"][drawing.within(run["t"], *run.experiment.steady_window)])
     smallest = min((size for size in sizes.values() if size > 0), default=0.0)
-    return [CONTROLLERS[kind] for kind, size in sizes.items() if size > COMPARABLE * smallest]
+    return [paper.CONTROLLERS[kind] for kind, size in sizes.items() if size > run_figures.COMPARABLE * smallest]

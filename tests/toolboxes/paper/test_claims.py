@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.toolboxes.paper.claims import claims, converged_at
 from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.results.result import Result
+from dualwinch.toolboxes.paper.claims import claims, converged_at, reductions
 
 Runs = dict[tuple[int, str], Result]
 
@@ -49,6 +49,12 @@ def test_verdicts_turn_with_the_runs(runs: Runs) -> None:
     turned[4, "fando-nftsm"] = with_metrics(runs[4, "fando-nftsm"], steady_mae=1.0, steady_mse=1.0)
     verdicts = ["holds", "holds", "partly", "holds", "partly", "holds", "partly"]
     assert [claim.verdict for claim in claims(turned)] == verdicts
+
+
+def test_figure_21_compares_two_controllers_in_case_4(runs: Runs) -> None:
+    change = reductions({key: run.metrics for key, run in runs.items()})
+    assert change == pytest.approx({"mae": -0.744, "max_abs_error": -0.774, "mse": -0.938}, abs=5e-4)
+    assert reductions({key: run.metrics for key, run in runs.items() if key[0] != 4}) is None
 
 
 def test_runs_that_are_missing_or_did_not_end_tell_nothing(runs: Runs) -> None:

@@ -11,11 +11,11 @@ import pytest
 
 from docs.generated.errata import errata_markdown
 from dualwinch.model.quantities.description import describe
-from dualwinch.toolboxes.paper.errata import NOTES
-from dualwinch.toolboxes.paper.report import summary, write_report
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.results.result import Result
+from dualwinch.toolboxes.paper.errata import NOTES
+from dualwinch.toolboxes.paper.report import summary, write_report
 
 ROOT = Path(__file__).parents[3]
 PNG = b"\x89PNG\r\n\x1a\n picture"
