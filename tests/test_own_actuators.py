@@ -9,12 +9,8 @@ import pytest
 from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.analysis.margins import margins
 from dualwinch.codegen.native import compile as compile_function
-from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.model.actuators import Actuator, Demand, Ideal, Motor, NoState, is_ideal
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.scalar import Scalar
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment, Simulation
@@ -27,7 +23,6 @@ from tests.oracle.sampled import Scenario, run
 from tests.own_actuators import Drooping, TwoLags
 
 SHORT = Simulation(duration=1.0)
-LAG, LIMIT = "actuator.motor.time_constant", "actuator.motor.rate_limit"
 ACTUATED = {
     "motor": Motor(time_constant=5e-3),
     "limited": Motor(time_constant=2e-3, rate_limit=200.0),
@@ -143,35 +138,6 @@ def test_what_is_made_of_the_ideal_actuator_is_not_ideal() -> None:
 def test_a_motor_without_lag_is_the_ideal_one() -> None:
     quick, ideal = simulate(experiment(Motor(time_constant=1e-9))), simulate(experiment(Ideal()))
     assert np.abs(quick["x"] - ideal["x"]).max() < 1e-9
-
-
-def test_keys_of_the_motor_are_those_of_any_part() -> None:
-    faster = override(experiment(Motor()), {LAG: 1e-3, LIMIT: 500})
-    assert faster.actuator == Motor(1e-3, 500.0)
-    assert override(case(4), {"actuator.kind": "motor", LAG: 0.01}).actuator == Motor(0.01)
-    with pytest.raises(ConfigurationError, match=f'^{LAG}: belongs to actuator.kind = "motor", here it is "ideal"'):
-        override(case(4), {LAG: 1})
-    assert loads(to_toml(case(4, actuator=Motor(2e-3, 300.0)))) == case(4, actuator=Motor(2e-3, 300.0))
-    assert "# rate_limit =" in to_toml(case(4, actuator=Motor()))
-
-
-def test_many_run_side_by_side() -> None:
-    lags = [2e-3, 8e-3]
-    batch = rollout([LAG], [[lag] for lag in lags], [experiment(Motor())], stride=1)
-    for row, lag in enumerate(lags):
-        single = simulate(experiment(Motor(lag)))
-        assert np.abs(batch.columns["x"][row, 0] - single["x"]).max() < 1e-9
-        assert np.abs(batch.columns["torque_1"][row, 0] - single["torque_1"]).max() < 1e-6
-
-
-@pytest.mark.slow
-def test_runs_can_be_differentiated_by_the_lag() -> None:
-    smooth = override(experiment(Motor()), {"controller.coordination.preload": 5000})
-    names, lag = ["controller.observer.l0", LAG], 5e-3
-    slopes = sensitivities(names, [[5.0, lag]], [smooth], stride=0)
-    around = rollout(names, [[5.0, lag * (1 - 1e-4)], [5.0, lag * (1 + 1e-4)]], [smooth])
-    quotient = np.diff(around.metrics["mse"][:, 0])[0] / (2e-4 * lag)
-    assert slopes.gradients["mse"][0, 0, 1] == pytest.approx(quotient, rel=1e-3)
 
 
 def test_a_lag_takes_phase_off_the_loop() -> None:

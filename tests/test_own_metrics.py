@@ -14,7 +14,6 @@ from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Simulation
-from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.result import Result
@@ -43,14 +42,6 @@ def test_they_are_computed_beside_the_built_in_ones() -> None:
     for name, value in recomputed(result).items():
         assert result.metrics[name] == getattr(result.metrics, name) == pytest.approx(value, rel=1e-9), name
     assert 0 < result.metrics["last_beyond"] < 40
-
-
-def test_a_number_of_theirs_is_a_number_of_the_compiled_code() -> None:
-    wider = dw.override(EXPERIMENT, {BAND: 4e-3, "metrics.room.weight": 2})
-    assert structure_of(wider) == structure_of(EXPERIMENT)
-    result = dw.simulate(wider)
-    assert result.metrics["last_beyond"] == pytest.approx(recomputed(result, 4e-3)["last_beyond"])
-    assert result.metrics["room"] == pytest.approx(2 * dw.simulate(EXPERIMENT).metrics["room"])
 
 
 def test_a_run_that_was_not_completed_has_none() -> None:

@@ -1,21 +1,15 @@
 """Ropes that are not registered: whatever works with the paper's works with these."""
 
-from collections.abc import Iterator
 from dataclasses import fields, replace
-from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.analysis.linear_loop import linear_closed_loop
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.modes import modes
 from dualwinch.model.ropes import Rope, RopeLaw
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
@@ -26,7 +20,7 @@ from tests.own_ropes import Bedding, Fading, Root, Stiffening
 from tests.plant_points import linearise, operating_point
 
 EXPERIMENT = replace(case(4, rope=Stiffening()), simulation=Simulation(duration=1.0))
-SOFT, GROWTH = "plant.rope_1.soft", "plant.rope_2.growth"
+SOFT = "plant.rope_1.soft"
 
 
 def stiffening(stretch: float, rate: float, length: float) -> float:
@@ -88,12 +82,6 @@ def test_a_law_that_has_no_value_where_the_rope_is_slack_runs_all_the_same() -> 
     assert np.isfinite(found.gradients["mse"]).all()
 
 
-def test_another_kind_takes_over_what_both_share() -> None:
-    wire = override(override(EXPERIMENT, {"plant.rope_1.damping": 300}), {"plant.rope_1.kind": "kelvin-voigt"})
-    assert wire.plant.rope_1 == Rope(damping=300.0)
-    assert wire.plant.rope_2 == Stiffening()
-
-
 def test_a_run_begins_with_both_ropes_at_half_the_preload() -> None:
     for rope in (Stiffening(), Bedding()):
         result = simulate(override(case(2, rope=rope), {"simulation.duration": 0.01}))
@@ -144,18 +132,6 @@ def test_scenarios_of_two_lengths_are_no_batch() -> None:
         rollout([SOFT], [[4e8]], [soft])
 
 
-def test_the_plant_can_be_differentiated_by_their_numbers() -> None:
-    whole = block("plant", EXPERIMENT)
-    assert whole.derivative is not None
-    column = [parameter.name for parameter in whole.parameters].index(SOFT)
-    state, (inputs, parameters) = [state.start for state in whole.states], defaults(whole)
-    symbols = [ca.SX.sym(name, whole.derivative.size1_in(name)) for name in whole.derivative.name_in()]
-    slopes = ca.Function("slopes", symbols, [ca.jacobian(whole.derivative(*symbols)[0], symbols[2])])
-    by_soft = np.array(slopes(state, inputs, parameters))
-    stretch = 0.8 * state[2]
-    assert by_soft[3, column] == pytest.approx(-0.8 / 1.8 * stretch / 50.5, rel=1e-9)
-
-
 def test_the_plant_is_linearised_with_their_spring_rates() -> None:
     slope = linearise(10.0, 1.0, plant=EXPERIMENT.plant)
     point = operating_point(10.0, 1.0, plant=EXPERIMENT.plant)
@@ -194,17 +170,3 @@ def test_what_changes_the_wire_rope_s_tension_changes_the_run() -> None:
     assert (ours.integrator, theirs.integrator) == ("rk4", "adaptive")
     assert np.abs(ours["F1"] - theirs["F1"]).max() < 1.0
     assert np.abs(ours["F1"] - other["F1"]).max() > 30
-
-
-def test_operating_points_and_modes_are_theirs() -> None:
-    point = operating_point(25.0, 1.8, plant=EXPERIMENT.plant)
-    assert point.residual < 1e-8
-    assert point.tension_rate < 1e-4
-    found = modes(linearise(25.0, 0.0, plant=EXPERIMENT.plant), EXPERIMENT.plant)
-    assert {mode.label for mode in found} >= {"both drums together", "both drums opposed"}
-    assert np.abs(np.linalg.eigvals(linear_closed_loop(EXPERIMENT, 20.0, 0.5).A)).max() < 1
-
-
-def defaults(whole: Any) -> Iterator[list[float]]:
-    yield [variable.start for variable in whole.inputs]
-    yield [variable.start for variable in whole.parameters]

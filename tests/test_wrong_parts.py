@@ -7,11 +7,9 @@ import pytest
 from dualwinch.config.plugins import load_plugin
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.space import space_of
 from tests.spring_law import changed
 
 FROZEN = "@dataclass(frozen=True)"
@@ -210,25 +208,3 @@ def test_a_list_is_no_tuple(tmp_path: Path) -> None:
     ):
         case(4, law=law(damping=[1.0, 2.0]))  # pyright: ignore[reportCallIssue]
     assert hash(case(4, law=law(damping=(1.0, 2.0))))  # pyright: ignore[reportCallIssue]
-
-
-def test_the_controllers_block_has_an_output_saturated(tmp_path: Path) -> None:
-    file = tmp_path / "law.py"
-    file.write_text(changed(("stretch", "saturated")))
-    load_plugin(str(file))
-    with pytest.raises(ConfigurationError, match=r"^signal 'saturated': the name is taken by an output of every contr"):
-        block("controller", override(case(4), {"controller.kind": "spring"}))
-
-
-def test_a_gain_without_bounds_is_not_searched_for(tmp_path: Path) -> None:
-    file = tmp_path / "law.py"
-    file.write_text(changed())
-    load_plugin(str(file))
-    experiment = override(case(4), {"controller.kind": "spring"})
-    with pytest.raises(ConfigurationError) as caught:
-        space_of({"controller.spring.damping": {}}, experiment)
-    assert str(caught.value) == (
-        "space: controller.spring.damping: has no bounds of its own; "
-        "give them, e.g. controller.spring.damping=0.1:10:log"
-    )
-    assert space_of({"controller.spring.stiffness": {}}, experiment).names == ("controller.spring.stiffness",)

@@ -5,7 +5,6 @@ import pytest
 
 from dualwinch import plots
 from dualwinch.analysis.stability import REAL, Certificate, certify, nearby_gains
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.oracle.sampled import Scenario, run
@@ -94,15 +93,3 @@ def test_the_figure_shows_v_and_both_signs_of_its_rate(case_4: Certificate) -> N
     largest = max(np.nanmax(np.asarray(line.get_ydata(), float)) for line in value.lines)
     assert largest == pytest.approx(case_4.terms.total.max())
     assert len(rate.lines) == 2
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"controller.kind": "adrc"}, "the theorem applies to"),
-        ({"controller.observer.l0": 0.0}, "must be > 0, V divides"),
-    ],
-)
-def test_what_the_theorem_is_not_about_is_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        certify(override(case(4), changes))

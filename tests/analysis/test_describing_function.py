@@ -8,9 +8,7 @@ from dualwinch.analysis.describing_function import amplitude_sweep, describing_g
 from dualwinch.analysis.linear_loop import linear_open_loop
 from dualwinch.analysis.margins import margins
 from dualwinch.controllers.laws.nftsm import NftsmGains, layer_width, odd_power
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.settings import override
 from tests.simulation.inserted import run
 
 PAPER = case(2)
@@ -53,10 +51,3 @@ def test_a_gain_beyond_the_margin_gives_the_limit_cycle_foretold(amplitude: floa
         found = run(PAPER, 25.0, 0.0, {"motion.plant.v": start * amplitude}, 2000, gain=point.margins.gain)
         assert found.peaks[3] == pytest.approx(amplitude, rel=within)
         assert found.taut
-
-
-def test_what_has_no_odd_power_or_no_amplitude_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="has no odd power"):
-        amplitude_sweep(override(PAPER, {"controller.kind": "adrc"}))
-    with pytest.raises(ConfigurationError, match="amplitude = 0"):
-        amplitude_sweep(PAPER, amplitudes=(0.0,))

@@ -10,7 +10,6 @@ from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.analysis.operating_points import loop_operating_point
 from dualwinch.analysis.steady_motion import without_round_off
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import modes
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
@@ -115,24 +114,6 @@ def test_position_follows_its_reference_and_a_winch_at_its_limit_holds_its_torqu
     assert gain[slow.outputs.index("x"), slow.inputs.index("x_ref")] == pytest.approx(1)
     assert not fast.C[fast.outputs.index("tau_2")].any()
     assert slow.C[slow.outputs.index("tau_2")].any()
-
-
-@pytest.mark.parametrize(
-    ("x", "v", "changes", "message"),
-    [
-        (60.0, 0.5, {}, "x = 60"),
-        (25.0, 3.0, {}, "steady motion needs a force of 8590 N"),
-        (25.0, 1.8, {"controller.coordination.kind": "master-slave"}, "reaches no steady motion"),
-    ],
-)
-def test_where_nothing_is_steady_it_says_so(x: float, v: float, changes: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        linear_closed_loop(override(PAPER, changes), x, v)
-
-
-def test_an_unknown_cut_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="unknown opening 'tau_3'; did you mean 'tau_"):
-        linear_open_loop(PAPER, opening="tau_3")
 
 
 @pytest.mark.parametrize("estimator", ["none", "calibrating-kalman"])

@@ -11,7 +11,6 @@ from dualwinch.analysis.margins import margins
 from dualwinch.analysis.operating_points import LoopOperatingPoint, loop_operating_point
 from dualwinch.config.experiment_file import load
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -83,12 +82,6 @@ def test_margins_with_the_calibrating_filter_are_those_of_a_run() -> None:
     assert learning.stable
     assert learning.gain == pytest.approx(3.25, abs=0.01)
     assert learning.gain == pytest.approx(plain.gain, rel=1e-3)
-
-
-def test_a_law_that_never_rests_is_told() -> None:
-    """A winch that follows a speed without knowing its rope's stretch settles nowhere while it moves."""
-    with pytest.raises(ConfigurationError, match="reaches no steady motion"):
-        loop_operating_point(override(case(4), {"controller.coordination.kind": "master-slave"}), X, 1.8)
 
 
 @pytest.mark.parametrize(("x", "v"), [(0.1, 0.5), (25.0, 0.0), (25.0, -1.2), (49.9, 0.5), (49.9, -1.2)])

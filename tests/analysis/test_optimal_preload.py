@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from dualwinch.analysis.preload import OptimalPreload, optimal_preload
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -129,20 +127,6 @@ def test_an_error_that_is_allowed_is_used() -> None:
     exact, loose = (optimal_preload(case(4), "peak", error=error, every=COARSE) for error in (0.0, 0.02))
     assert abs(loose.e).max() == pytest.approx(0.02, rel=1e-6)
     assert loose.peak_tension < exact.peak_tension - 10
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"minimise": "torque"}, "minimise = 'torque': must be one of load, peak, energy"),
-        ({"error": -1.0}, "error = -1: must be a finite number >= 0 m"),
-        ({"torque_rate": 0.0}, "torque_rate = 0: must be a finite number > 0 N m/s"),
-        ({"every": 0}, r"every = 0: must be 1 to 12500 \(a quarter of the samples\)"),
-    ],
-)
-def test_wrong_input_is_named(settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        optimal_preload(Experiment(), **settings)
 
 
 def test_a_motion_beyond_the_limits_is_said() -> None:

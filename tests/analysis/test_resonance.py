@@ -10,7 +10,6 @@ from benchmarks.quoted.heavy import MACHINES, PLACES, SMALL, both, law_of, machi
 from dualwinch.analysis.margin_survey import MarginSurvey
 from dualwinch.analysis.resonance import AMPLITUDES, RESONANCE, UNDECIDED, resonance_gains
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.tiers import mostly_slow
@@ -90,8 +89,3 @@ def test_a_survey_has_the_least_of_many_machines() -> None:
         margin = worst[RESONANCE]
         assert margin.value == pytest.approx(1 / gain)
         assert (margin.machine, margin.opening) == (machine, f"tau_{winch}")
-
-
-def test_other_laws_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="the rule applies to laws with odd powers of the speed error"):
-        resonance_gains(override(case(4), {"controller.kind": "pid-cascade"}))

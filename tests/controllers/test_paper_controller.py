@@ -1,16 +1,12 @@
 from dataclasses import replace
 
-import pytest
-
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.controllers.paper_controller import adapted, has_paper_gains, paper_controller
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.experiment import Experiment
 
 
 def test_for_a_machine_it_has_the_papers_gains_and_the_machines_limits() -> None:
@@ -18,11 +14,6 @@ def test_for_a_machine_it_has_the_papers_gains_and_the_machines_limits() -> None
     assert paper_controller(preloaded) == replace(paper_controller(), nominal=Nominal(mass=9e3))
     stronger = replace(preloaded, limits=Limits(tension_max=9e3, preload=5e3))
     assert paper_controller(stronger).limits == stronger.limits
-
-
-def test_for_what_is_no_controller_there_is_none() -> None:
-    with pytest.raises(ConfigurationError, match=r"own: must be a Controller .*, not Experiment"):
-        paper_controller(Experiment())  # pyright: ignore[reportArgumentType]
 
 
 def test_which_controllers_have_the_papers_gains() -> None:

@@ -1,13 +1,10 @@
 """Machines without load cells: tensions from torques and drum speeds."""
 
 import numpy as np
-import pytest
 
 import dualwinch as dw
 from dualwinch.controllers.tension_observer import DrumMomentum, observed_tension
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.blocks import block
-from dualwinch.simulation.prepare import prepare
 
 T = 1e-3
 WITHOUT = {"sensors.tension": "none", "controller.tension_observer.bandwidth": 40.0}
@@ -39,12 +36,6 @@ def test_a_run_without_load_cells_tracks_and_keeps_its_ropes_taut() -> None:
     assert np.isnan(estimated["F1_read"]).all()
     assert estimated.metrics.min_tension > 0.5 * measured.metrics.min_tension
     assert estimated.metrics.mse < 4 * measured.metrics.mse
-
-
-def test_a_controller_that_reads_tensions_is_told_which_key_estimates_them() -> None:
-    message = r'^sensors\.tension = "none": must be "load-cells" .*controller\.tension_observer\.bandwidth'
-    with pytest.raises(ConfigurationError, match=message):
-        prepare(dw.override(dw.case(4), {"sensors.tension": "none"}))
 
 
 def test_exported_controllers_have_no_inputs_for_them() -> None:

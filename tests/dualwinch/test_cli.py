@@ -24,11 +24,6 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         assert word in said
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, refused: Refused) -> None:
-    (tmp_path / "file").write_text("")
-    assert "cannot be made" in refused("reproduce", "--out", str(tmp_path / "file" / "results"))
-
-
 @pytest.fixture
 def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nonexistent/either")

@@ -76,11 +76,6 @@ def test_a_run_of_values_beyond_reason_has_an_outcome(
     assert json.loads(capsys.readouterr().out)["outcome"] == outcome
 
 
-def test_a_value_nested_too_deep(refused: Refused) -> None:
-    line = refused("simulate", "--set", f"plant.vehicle.mass={'[' * 1000}{']' * 1000}")
-    assert "plant.vehicle.mass: is nested too deep, must be at most 50" in line
-
-
 @pytest.mark.parametrize(
     "entry",
     [
@@ -95,37 +90,6 @@ def test_distributions_beyond_every_float(entry: str, tmp_path: Path, refused: R
     file = tmp_path / "e.toml"
     file.write_text(f"{ENSEMBLE}{entry}\n")
     assert "plant.vehicle.mass" in refused("simulate", "--ensemble", str(file))
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("tune", "--space", f"controller.nftsm.p/q={ENDLESS}/3"), "must be two odd numbers"),
-        (("tune", "--time", f"{BEYOND}s"), "must be > 0 s and <= 1e+07 s"),
-        (("simulate", "--ensemble", "sea", "--scenarios", ENDLESS), "--scenarios"),
-    ],
-)
-def test_options_out_of_this_world(
-    words: tuple[str, ...],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    refused: Refused,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in refused(*words)
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("words", [("--trials", "0"), ("--time", "0s"), ("--space", "controller.nftsm.beta=1")])
-def test_wrong_options_of_tune_are_found_before_anything_is_read(
-    words: tuple[str, str], monkeypatch: pytest.MonkeyPatch, refused: Refused
-) -> None:
-    def never(**_: object) -> None:
-        raise AssertionError("read a problem")
-
-    monkeypatch.setattr("dualwinch.tuning.tuning_problem.tuning_problem", never)
-    refused("tune", *words)
 
 
 @pytest.mark.parametrize(
@@ -150,13 +114,6 @@ def test_a_space_of_another_shape(text: str, tmp_path: Path, monkeypatch: pytest
     Path("s.toml").write_text(text + "\n")
     assert "space" in refused("tune", "--space", "s.toml", "--case", "4")
     assert [file.name for file in tmp_path.iterdir()] == ["s.toml"]
-
-
-def test_a_refused_study_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
-    monkeypatch.chdir(tmp_path)
-    words = ("--case", "4", "--storage", "postgresql://h:port/db", "--out", "a/b")
-    assert "with a number as port" in refused("tune", *words)
-    assert not list(tmp_path.iterdir())
 
 
 def commands(parent: Any, name: str = "dualwinch") -> Iterator[tuple[str, Any]]:

@@ -1,10 +1,6 @@
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import simulate as module
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -36,15 +32,3 @@ def test_a_run_that_ends_early_ends_between_pieces_too(monkeypatch: pytest.Monke
     assert pieces.outcome == whole.outcome
     assert pieces.end_time == whole.end_time
     assert np.array_equal(pieces["t"], whole["t"])
-
-
-def test_rows_that_do_not_fit_into_memory_are_refused() -> None:
-    resting = replace(case(2), simulation=replace(case(2).simulation, duration=1e6))
-    with pytest.raises(ConfigurationError, match=r"stride = 1: must be >= \d+"):
-        simulate(resting)
-
-
-@pytest.mark.parametrize("stride", [-1, 1.5, "2"])
-def test_a_wrong_stride_is_named(stride: Any) -> None:
-    with pytest.raises(ConfigurationError, match=r"stride = .*: must be a whole number >= 0"):
-        simulate(SHORT, stride=stride)

@@ -62,6 +62,8 @@ def test_a_study_goes_on_when_asked_and_after_a_kill(make_problem: MakeProblem, 
     before = studied(problem, file, 20)
     with pytest.raises(ConfigurationError, match="has 20 trials; continue with --resume"):
         studied(problem, file, 30)
+    with pytest.raises(ConfigurationError, match="unknown study 'ss'; did you mean 's'"):
+        stored_definition(str(file), "ss")
     with file.open("ab") as torn:
         torn.write(b'{"op_code":4,"worker_id"')  # a process was killed while it wrote
     after = studied(problem, file, 30, resume=True)

@@ -6,9 +6,7 @@ from scipy.linalg import solve_discrete_are
 
 import dualwinch as dw
 from dualwinch.controllers.estimators.kalman import KalmanGains, kalman_gain
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.blocks import block
-from dualwinch.simulation.prepare import prepare
 
 FILTERS = ("kalman", "calibrating-kalman", "self-calibrating-kalman")
 NOISE = {"sensors.position_noise": 5e-4, "sensors.tension_noise": 10.0, "sensors.encoder_counts": 4096}
@@ -45,13 +43,6 @@ def test_the_gain_is_that_of_positions_alone() -> None:
     h = solve_discrete_are(motion.T, row.T, covariance, [[variance]])
     expected = (h @ row.T / (row @ h @ row.T + variance)).ravel()
     assert np.array(kalman_gain(gains, step)) == pytest.approx(np.column_stack([expected, np.zeros(3)]), rel=1e-6)
-
-
-def test_estimators_that_read_the_speed_are_named() -> None:
-    message = r'^sensors\.speed = "none": must be "wheel" .*controller\.kalman\.speed_sensor = false'
-    for estimator in ("none", "kalman"):
-        with pytest.raises(ConfigurationError, match=message):
-            prepare(dw.override(dw.case(4), {"sensors.speed": "none", "controller.estimator": estimator}))
 
 
 def test_exported_controllers_have_no_input_for_it() -> None:

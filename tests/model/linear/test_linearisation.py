@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import INPUTS, OUTPUTS, STATES, UNITS
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import with_leaves
@@ -89,8 +88,3 @@ def test_a_sweep_is_the_same_as_one_by_one() -> None:
         np.testing.assert_array_equal(system.A, alone.A)
         np.testing.assert_array_equal(system.B, alone.B)
         assert system.dt == 1e-3
-
-
-def test_a_wrong_point_in_a_sweep_is_named() -> None:
-    with pytest.raises(ConfigurationError, match=r"^x = 60: must be"):
-        linearise_sweep(np.array([10.0, 60.0]))

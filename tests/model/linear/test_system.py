@@ -105,12 +105,6 @@ def test_files_hold_everything(system: LinearSystem, tmp_path: Path) -> None:
     assert matlab["operating_point"] == system.operating_point
 
 
-def test_an_unknown_suffix_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"unknown suffix '\.txt'; must be one of \.json, \.mat, \.npz"):
-        OSCILLATOR.save(tmp_path / "system.txt")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_response_is_infinite_at_a_pole_and_only_where_that_shows() -> None:
     """A mass on which a force acts, and an oscillator of 2 rad/s beside it: 1/s and 1/s^2 at 0, 1/(4 - w^2) at 2."""
     A = np.zeros((4, 4))

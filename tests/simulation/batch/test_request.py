@@ -7,12 +7,10 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import scenarios as module
-from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.scenarios import check_batch
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 
 COORDINATION = "controller.coordination."
@@ -61,24 +59,11 @@ def test_rows_must_fit_every_scenario() -> None:
         check_batch([COORDINATION + "preload"], values, [case(4), strong])
 
 
-def test_a_scenario_that_does_not_fit_is_named() -> None:
-    wrong = override(case(4), {"controller.nftsm.p": 4})
-    with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: controller\.nftsm\.p = 4: must be odd"):
-        check_batch([], np.empty((1, 0)), [case(4), wrong])
-    with pytest.raises(ConfigurationError, match=r"^scenario 17: controller\.nftsm\.p = 4: must be odd"):
-        check_batch([], np.empty((1, 0)), [Scenario(17, wrong, wrong.plant, {})])
-
-
 @pytest.mark.parametrize("name", ["sensors.speed_noise", "sensors.position_drift", "simulation.jitter"])
 def test_what_was_not_drawn_cannot_be_varied(name: str) -> None:
     with pytest.raises(ConfigurationError, match=rf"{name} = 0: must be > 0 where it varies"):
         check_batch([name], np.array([[1e-4]]), [case(4)])
     check_batch([name], np.array([[1e-4]]), [override(case(4), {name: 2e-4})])
-
-
-def test_the_sample_time_cannot_vary() -> None:
-    with pytest.raises(ConfigurationError, match=r"unknown parameter 'simulation\.sample_time'"):
-        check_batch(["simulation.sample_time"], np.array([[1e-3]]), [case(4)])
 
 
 def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,11 +74,3 @@ def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest
     scenarios = [replace(case(4), simulation=Simulation(seed=seed)) for seed in range(3)]
     check_batch(names, values, scenarios)
     assert len(calls) == len(scenarios)
-
-
-def test_scenarios_of_another_sample_time_are_refused() -> None:
-    """As many samples, but their times would be those of the first scenario."""
-    slower = override(case(4), {"simulation.sample_time": 2e-3, "simulation.duration": 2 * case(4).duration})
-    assert slower.samples == case(4).samples
-    with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: must have .* its sample time"):
-        rollout([], np.empty((1, 0)), [case(4), slower])

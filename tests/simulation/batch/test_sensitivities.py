@@ -7,7 +7,6 @@ import pytest
 
 from dualwinch.codegen.source.c_source import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.experiment import Experiment
@@ -164,8 +163,3 @@ def test_a_diverging_run_is_a_result() -> None:
         assert np.isnan(result.gradients[name][0, 0]).all()
         assert np.isnan(result.gradients[name][1, 0]).all() == np.isnan(table[1, 0])
     assert np.isfinite(result.gradients["mse"][1]).all()
-
-
-def test_wrong_input_is_named() -> None:
-    with pytest.raises(ConfigurationError, match=r"did you mean 'controller\.nftsm\.beta'"):
-        sensitivities(["controller.nftsm.bet"], [[1.0]], [short(4)])

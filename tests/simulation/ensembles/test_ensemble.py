@@ -147,12 +147,6 @@ def test_what_cannot_be_drawn_is_one_line(distributions: Any, message: str) -> N
     assert "\n" not in str(caught.value)
 
 
-def test_a_draw_out_of_its_range_names_the_key() -> None:
-    wide = replace(SEA, distributions={"plant.vehicle.mass": Drawn(Uniform(-2, -1))})
-    with pytest.raises(ConfigurationError, match=r"^plant\.vehicle\.mass = -.*: must be a finite number > 0 kg$"):
-        _ = wide.scenario(0, 0).experiment
-
-
 def test_scenarios_drawn_together_are_those_drawn_alone() -> None:
     indices = [5, 0, 2**64 - 1, 5]
     for vertex in (False, True):

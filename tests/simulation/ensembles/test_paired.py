@@ -7,15 +7,12 @@ from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
-from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
-from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS
 from dualwinch.simulation.ensembles import run
 from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_ratio
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.settings import override
 
@@ -114,18 +111,6 @@ def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: p
     assert result.partial
     assert {len(contender.outcomes) for contender in result.contenders.values()} == {BLOCKS * LANES}
     assert result.paired("b")["mse"].pairs == BLOCKS * LANES
-
-
-def test_what_cannot_be_compared_is_refused(sea: Ensemble) -> None:
-    drawn = Drawn(Uniform(1.0, 2.0), relative=True)
-    with pytest.raises(ConfigurationError, match=r"controller\.observer\.l0: is drawn"):
-        compare({"a": Controller()}, replace(sea, distributions={"controller.observer.l0": drawn}), 1, 0)
-    wrong = Controller(law=FandoNftsm(nftsm=NftsmGains(p=4)))
-    with pytest.raises(ConfigurationError, match=r"a: controller\.nftsm\.p = 4: must be odd"):
-        compare({"a": wrong}, sea, 1, 0)
-    for scenarios, seed in ((0, 0), (1, -1)):
-        with pytest.raises(ConfigurationError, match="must be a whole number"):
-            compare({"a": Controller()}, sea, scenarios, seed)
 
 
 def test_foresight_could_reach_less_error_where_motors_lack_force_and_only_there() -> None:

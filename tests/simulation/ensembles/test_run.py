@@ -207,20 +207,6 @@ def test_traces_are_kept_of_so_many_scenarios_and_extremes_of_all(
     assert np.allclose(middle, np.median(ten.traces.sampled["e"], axis=0))
 
 
-@pytest.mark.parametrize(
-    ("scenarios", "seed", "message"), [(0, 1, "scenarios = 0: must be"), (1, -1, "seed = -1: must be")]
-)
-def test_wrong_counts_and_seeds_are_refused(scenarios: int, seed: int, message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        run_ensemble(lasting(0.1), scenarios, seed)
-
-
-def test_values_that_do_not_fit_together_name_their_scenario() -> None:
-    values = {"controller.coordination.preload": Drawn(Choice((100.0,)))}
-    with pytest.raises(ConfigurationError, match=r"scenario 0: controller\.coordination\.preload = 100"):
-        run_ensemble(replace(lasting(0.1), distributions=values), 3, 0)
-
-
 EFFECTS = {
     "plant.winch_1.gear_loss": Uniform(0.1, 0.3),
     "plant.rope_1.mass_per_length": Uniform(2.0, 3.0),

@@ -152,36 +152,6 @@ def test_way_points_and_recorded_motions_run(tmp_path: Path) -> None:
     assert again["x_ref"] == pytest.approx(result["x_ref"][: len(again["x_ref"])], abs=1e-4)
 
 
-WRONG = {
-    "no file": ({"reference.kind": "file"}, 'reference.file: must be given where reference.kind = "file"'),
-    "no points": ({"reference.kind": "way-points"}, "reference.points: must be one position or more"),
-    "off the track": (
-        {"reference.kind": "way-points", "reference.points": [20, 51]},
-        "reference.points[1] = 51: must be <= plant.track.length = 50 m",
-    ),
-    "pauses": (
-        {"reference.kind": "way-points", "reference.points": [20, 5], "reference.pauses": [1]},
-        "reference.pauses: has 1 numbers: must have 2, one a point",
-    ),
-    "unit": (
-        {"disturbance.current.times": [0, 1], "disturbance.current.values": [0, 1], "disturbance.current.unit": "N"},
-        'disturbance.current: values: unit "N": must be one of m/s',
-    ),
-    "no unit": (
-        {"disturbance.force.times": [0, 1], "disturbance.force.values": [0, 1]},
-        'disturbance.force: values: has no unit; say which: unit = "N"',
-    ),
-}
-
-
-@pytest.mark.parametrize(("values", "message"), WRONG.values(), ids=WRONG)
-def test_what_does_not_go_together_is_one_line(values: dict[str, object], message: str) -> None:
-    experiment = override(case(2), values)
-    with pytest.raises(ConfigurationError) as caught:
-        prepare(experiment)
-    assert str(caught.value).startswith(message)
-
-
 @pytest.mark.parametrize(
     ("rows", "settings", "words"),
     [

@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.exogenous.signals import exogenous_pieces, exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop
@@ -114,9 +113,3 @@ def test_what_a_seed_gives_is_pinned() -> None:
         "noise.tension_1": -0.6887212991714478,
         "noise.tension_2": 0.6306052803993225,
     }
-
-
-def test_a_seed_is_a_number_of_64_bits() -> None:
-    assert Simulation(seed=2**64 - 1).seed == 2**64 - 1
-    with pytest.raises(ConfigurationError, match=r"seed = 18446744073709551616: must be"):
-        Experiment(simulation=Simulation(seed=2**64))

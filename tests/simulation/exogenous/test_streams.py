@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.codegen.drivers.signals.draws import blocks
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.exogenous.signals import LARGEST_WORD, named_seed, named_words, stream_number
 
 NAMES = ("plant.vehicle.mass", "together: ropes", "simulation.seed")
@@ -40,12 +39,6 @@ def test_derived_seeds_differ_by_name_and_seed() -> None:
     derived = {named_seed(seed, name) for seed in range(50) for name in ("training", "validation", "test")}
     assert len(derived) == 150
     assert max(derived) < 2**53
-
-
-@pytest.mark.parametrize("seed", [-1, LARGEST_WORD + 1])
-def test_a_seed_out_of_range(seed: int) -> None:
-    with pytest.raises(ConfigurationError, match=rf"seed = {seed}: must be a whole number from 0 to 2\^64 - 1"):
-        named_words(seed, [0], ["a"])
 
 
 def test_the_number_of_a_signal_is_pinned() -> None:

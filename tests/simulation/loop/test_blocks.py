@@ -5,12 +5,11 @@ from dualwinch.codegen.block import Block
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.parts import Measurement
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.simulation.blocks import BLOCKS, block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
@@ -121,9 +120,3 @@ def test_every_law_becomes_a_block_with_the_inputs_it_uses(kind: str) -> None:
     assert {"x", "v", "F1", "F2", "x_ref"} <= set(names(made.inputs)) | {"x_ref"}
     assert "theta_1" not in names(made.inputs)
     assert len(made.initial(values(made.parameters)).full()) == len(made.states)
-
-
-def test_an_unknown_block_is_named_with_the_nearest() -> None:
-    with pytest.raises(ConfigurationError, match="unknown block 'plnt'; did you mean 'plant'"):
-        block("plnt")
-    assert BLOCKS == ("controller", "plant", "closed-loop")

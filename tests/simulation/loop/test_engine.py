@@ -16,7 +16,6 @@ from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
 from dualwinch.model.ropes import Rope, Track
@@ -150,14 +149,6 @@ def test_an_experiment_says_its_engine_unless_the_call_says_another(engine: Any)
     for other in ENGINES:
         assert np.array_equal(simulate(asking, engine=other)["x"], apart[other])
     assert not np.array_equal(apart["compiled"], apart["interpreter"])  # last bits, which tell the engines apart
-
-
-def test_an_unknown_engine_is_one_line_that_names_the_three() -> None:
-    allowed = 'simulation.engine = "casadis": must be "compiled" or "casadi" or "interpreter"'
-    with pytest.raises(ConfigurationError, match=allowed):
-        override(case(4), {"simulation.engine": "casadis"})
-    with pytest.raises(ConfigurationError, match="unknown engine 'casadis'; did you mean 'casadi'"):
-        simulate(case(4), engine="casadis")  # pyright: ignore[reportArgumentType]
 
 
 def all_engines(experiment: Experiment) -> list[Result]:
