@@ -207,24 +207,20 @@ class PredictionErrorMethod:
         rough = float(self.likelihood.deviances([coordinates.of(values)], noise, coordinates)[0])
         if unless and unless(self.with_values(values), noise, rough):
             information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
-            deviance, finished, converged = rough, False, False
-        else:
-            later = progresses.part(progress, 0.5, 1.0)
-            maximum = self._maximum(values, noise, later, estimated=estimated, polished=polished)
-            values, noise = unwrapped(coordinates.values(maximum.at), self.unknowns), maximum.noise
-            information, deviance, finished = maximum.information, maximum.deviance, True
-            converged = maximum.converged
-        return ParameterEstimate(
-            values=values,
-            information=information,
-            noise=noise,
-            experiment=self.with_values(values),
-            deviance=deviance,
-            rough=rough,
-            finished=finished,
-            passes=self.passes,
-            converged=converged,
-        )
+            return ParameterEstimate(
+                values=values,
+                information=information,
+                noise=noise,
+                experiment=self.with_values(values),
+                deviance=rough,
+                rough=rough,
+                finished=False,
+                passes=self.passes,
+                converged=False,
+            )
+        later = progresses.part(progress, 0.5, 1.0)
+        maximum = self._maximum(values, noise, later, estimated=estimated, polished=polished)
+        return self._estimate(maximum, rough)
 
     def continued(
         self,
@@ -242,6 +238,9 @@ class PredictionErrorMethod:
             DivergedFilterError: the filter diverges.
         """
         maximum = self._maximum(start, noise, progress, size=1.0 if polished else None, polished=polished)
+        return self._estimate(maximum, maximum.deviance)
+
+    def _estimate(self, maximum: LikelihoodMaximum, rough: float) -> ParameterEstimate:
         values = unwrapped(self.coordinates().values(maximum.at), self.unknowns)
         return ParameterEstimate(
             values=values,
@@ -249,7 +248,7 @@ class PredictionErrorMethod:
             noise=maximum.noise,
             experiment=self.with_values(values),
             deviance=maximum.deviance,
-            rough=maximum.deviance,
+            rough=rough,
             finished=True,
             passes=self.passes,
             converged=maximum.converged,

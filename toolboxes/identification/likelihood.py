@@ -405,8 +405,8 @@ class Likelihood:
            search with Newton steps (Kolda, Lewis and Torczon, SIAM Review 45 (2003) 385). After a Newton step the next
            poll is as wide as that was long, or its square where that is shorter, as its error is; else as wide as the
            last ones. After more than one deviation, ascend again.
-        3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier by as much
-           as at a smooth maximum (the square of it), or after `SearchOptions.max_polls`.
+        3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier, or after
+           `SearchOptions.max_polls`.
         """
         options, end = self._options, accuracy or self._options.accuracy
         top = self.ascend(at, noise, coordinates, fixed, end, around, progresses.part(progress, 0.0, 0.5))
@@ -423,7 +423,7 @@ class Likelihood:
                 curvatures = np.where(np.isnan(result.curvatures), curvatures, result.curvatures)
             fell = here - result.deviance > self._rounding(here)
             at, here, moved = result.at, result.deviance, moved + fell * result.length
-            if converged := size == end and result.fall < end**2 and moved <= 1:
+            if converged := size == end and not fell and moved <= 1:
                 break
             if moved > 1:
                 at, noise = self.ascend(at, noise, coordinates, fixed, end, around) or (at, noise)

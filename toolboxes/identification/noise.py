@@ -283,8 +283,8 @@ class NoiseEstimator:
         self._described = described_disturbances(experiment, options)
         self._least = {name: each.deviation for name, each in self._described.items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)
-        columns = np.concatenate([section.readings for section in filters.sections]).T
-        self._read = [sensor for sensor, column in enumerate(columns) if np.isfinite(column).any()]
+        read = np.any([np.isfinite(section.readings).any(axis=0) for section in filters.sections], axis=0)
+        self._read = np.flatnonzero(read).tolist()
 
     def coordinates(self, noise: NoiseCovariances) -> NoiseCoordinates:
         """Coordinates around some noise."""
@@ -339,22 +339,12 @@ class NoiseEstimator:
                 return replace(noise, process={**noise.process, name: process})
 
             def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
-                return self._cost(experiment, moved(by), None) + self._negative_log_prior(experiment, moved(by))
+                there = moved(by)
+                priors = self.coordinates(there)
+                return self._cost(experiment, there, None) + priors.prior_deviance(np.zeros(len(priors))) / 2
 
             noise = moved(_minimum_between(cost, (-reach, reach), *accuracy)[0])
         return noise
-
-    def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
-        """Negative logarithm of the prior density of the described disturbances, up to a constant."""
-        process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
-        of_sea = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))
-        factors = {**of_sea, VORTICES: (1.0, options.vortex_time_factor)}
-        for name, (of_size, of_time) in factors.items():
-            own, described = process[name], self._described[name]
-            pairs = (own.deviation, described.deviation, of_size), (own.time, described.time, of_time)
-            for value, usual, factor in pairs if own.deviation > 0 else ():
-                total += (math.log(value / usual) / math.log(factor)) ** 2 / 2 if factor > 1 else 0.0
-        return total
 
     @property
     def _factors(self) -> list[float]:
