@@ -199,6 +199,10 @@ def test_no_module_is_imported_by_a_string() -> None:
     assert not [str(each) for each in imports() if each.by_string]
 
 
+def test_nothing_is_imported_that_a_library_keeps_to_itself() -> None:
+    assert not [str(each) for each in imports() if "._" in each.name and not each.name.startswith("dualwinch")]
+
+
 def test_files_do_not_import_in_a_circle() -> None:
     dependencies: dict[str, set[str]] = {module: set() for module in modules()}
     for each in imports():

@@ -15,7 +15,12 @@ from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.analysis.preload import optimal_preload
 from dualwinch.analysis.resonance import resonance_gains
 from dualwinch.config.experiment_file import assigned
+from dualwinch.controllers.laws.adrc import Adrc
+from dualwinch.controllers.laws.nftsm import NftsmGains
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.linear.properties import is_observable
+from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.batch.scenarios import check_batch
 from dualwinch.simulation.exogenous.signals import named_words
 from dualwinch.simulation.prepare import prepare
@@ -28,6 +33,12 @@ L0, PRELOAD = "controller.observer.l0", "controller.coordination.preload"
 def case(**values: Any) -> dw.Experiment:
     """Case 4 with other values; two underscores for a dot."""
     return dw.override(dw.case(4), {key.replace("__", "."): value for key, value in values.items()})
+
+
+def built(**parts: Any) -> dw.Experiment:
+    """An experiment of parts, those of its controller among them."""
+    own = {name: parts.pop(name) for name in ("law", "limits", "nominal") if name in parts}
+    return dw.Experiment(controller=dw.Controller(**own), **parts)
 
 
 def checked(names: list[str], row: list[float], *scenarios: Any) -> None:
@@ -64,6 +75,14 @@ WRONG: list[tuple[Callable[[Path], object], str]] = [
     (lambda _: dw.override(dw.Experiment(), {1: 1}), "values: must be a text as key, not int"),
     (lambda _: dw.Experiment(plant=None), "plant: must be a Plant, not NoneType"),
     (lambda _: dw.Experiment(disturbance=dw.Disturbance(force=5.0)), "disturbance.force: must be a Signal, not float"),
+    (lambda _: built(plant=dw.Plant(vehicle=Vehicle(mass=-1.0))), "plant.vehicle.mass = -1.0: must be a finite"),
+    (lambda _: built(law=dw.Nftsm(NftsmGains(beta=0.0))), "controller.nftsm.beta = 0.0: must be a finite number > 0"),
+    (lambda _: built(law=Adrc(observer_bandwidth=float("nan"))), "controller.adrc.observer_bandwidth = nan: must be"),
+    (lambda _: built(limits=Limits(reserve=-1.0)), "controller.coordination.reserve = -1.0: must be a finite"),
+    (lambda _: built(nominal=Nominal(mass=0.0)), "controller.nominal.mass = 0.0: must be a finite number > 0 kg"),
+    (lambda _: built(simulation=dw.Simulation(substeps=257)), "substeps = 257: must be a whole number >= 1 and <= 256"),
+    (lambda _: built(simulation=dw.Simulation(delay_samples=1.5)), "delay_samples = 1.5: must be a whole number >= 0"),
+    (lambda _: built(reference=dw.Reference(kind="ramp")), 'reference.kind = "ramp": must be "uniform" or "profile"'),
     (lambda _: dw.load(None), "file: must be a path, not NoneType"),
     (lambda _: dw.load_ensemble(None), "file: must be a path, not NoneType"),
     (lambda _: prepare(None), "experiment: must be an Experiment, not NoneType"),

@@ -35,14 +35,6 @@ def test_who_cannot_trust_drums_learns_them(text: str, kind: str) -> None:
     assert default_estimator(loads_ensemble(text)) == kind
 
 
-def test_a_search_starts_with_it_where_nobody_says_otherwise() -> None:
-    assert default_estimator(load_ensemble("sea")) == "calibrating-kalman"
-    found = problem_of("rig")
-    assert found.experiment.controller.estimator.kind == "self-calibrating-kalman"
-    given = tuning_problem(ensemble="rig", settings=["controller.estimator=kalman"])
-    assert given.experiment.controller.estimator.kind == "kalman"
-
-
 def test_motors_that_lag_are_quiet_by_themselves() -> None:
     texts = {name: [bound.text for bound in problem_of(name).constraints] for name in ("sea", "rig")}
     assert "mean.chatter<=0.25*paper" in texts["sea"]

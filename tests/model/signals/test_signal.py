@@ -1,9 +1,11 @@
 """Signals from files and arrays: values between and beyond the rows, units, and what is wrong with a file."""
 
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -96,11 +98,6 @@ def test_columns_of_one_name_are_chosen_by_their_headers(file: Path) -> None:
         Signal.from_file(file, "push")
 
 
-def test_the_unit_must_be_stated(file: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"gust\.csv: column 'F': has no unit; say which: unit = \"N\""):
-        Signal.from_file(file, "F").check("N", 1.0)
-
-
 WRONG = {
     "not a number": ("t,F\n0,1\n1,x\n", "line 3: F = x: must be a finite number"),
     "nan": ("t,F\n0,1\n1,nan\n2,3\n", "line 3: F = nan: must be a finite number"),
@@ -152,40 +149,6 @@ def test_bad_parquet_names_the_row(tmp_path: Path) -> None:
         Signal.from_file(path, "F", unit="N")
 
 
-def test_other_unreadable_files_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"cannot read .*none\.csv: No such file"):
-        Signal.from_file(tmp_path / "none.csv")
-    with pytest.raises(ConfigurationError, match=r"unknown suffix '\.xls'; must be \.csv or \.parquet"):
-        Signal.from_file(tmp_path / "a.xls")
-    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ConfigurationError, match="not UTF-8"):
-        Signal.from_file(tmp_path / "binary.csv")
-    (tmp_path / "several.csv").write_text(CSV)
-    with pytest.raises(ConfigurationError, match="column: must be named; there is F, other"):
-        Signal.from_file(tmp_path / "several.csv")
-
-
-@pytest.mark.parametrize(
-    ("t", "values", "message"),
-    [
-        ([0, 1], [1], r"values: has 1 numbers: must have 2"),
-        ([0], [1], "times: is too short"),
-        ([], [], "times: is too short"),
-        ([0, 2, 1], [0, 0, 0], r"times\[2\] = 1: must be > 2"),
-        ([0, 1], [0, np.nan], r"values\[1\] = nan: must be a finite number"),
-    ],
-)
-def test_bad_arrays_name_the_element(t: list[float], values: list[float], message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        Signal.from_arrays(t, values, unit="N")
-
-
-def test_numbers_are_asked_for_and_not_shown() -> None:
-    with pytest.raises(ConfigurationError, match="t: must be numbers, not NoneType"):
-        Signal.from_arrays(None, None, unit="N")  # pyright: ignore[reportArgumentType]
-    assert len(repr(Signal.from_arrays(np.arange(1000), np.arange(1000), unit="N"))) < 300
-
-
 def test_a_file_is_read_once_and_known_by_its_numbers(file: Path) -> None:
     signal = Signal.from_file(file, "F", unit="N")
     file.write_text(CSV.replace("3", "7"))
@@ -215,28 +178,45 @@ def test_it_travels_between_processes(file: Path) -> None:
     assert at(pickle.loads(pickle.dumps(signal)), 1) == [2]  # noqa: S301
 
 
-def test_a_file_and_arrays_are_too_much(file: Path) -> None:
-    with pytest.raises(ConfigurationError, match="must not be given beside a file"):
-        Signal(str(file), "F", "N", times=(0.0, 1.0), values=(0.0, 0.0))
-
-
-def test_dates_with_and_without_a_time_zone_are_no_times() -> None:
-    here = datetime(2024, 1, 1, tzinfo=UTC)
-    with pytest.raises(ConfigurationError, match=r"^times: must be all of one kind: .* time zone"):
-        Signal.from_arrays([here, here.replace(second=1, tzinfo=None)], [1, 2], unit="N")  # pyright: ignore[reportArgumentType]
-
-
 def test_dates_count_from_the_first_one() -> None:
     stamps = pd.date_range("2024-05-01 12:00", periods=3, freq="2s")
     plain = Signal.from_arrays([0.0, 2.0, 4.0], [1, 3, -1], unit="N")
     for times in (stamps, stamps.tz_localize("UTC"), stamps.to_numpy(), stamps.to_pydatetime(), stamps - stamps[0]):
         assert Signal.from_arrays(times, pd.Series([1, 3, -1], index=stamps), unit="N") == plain
-    with pytest.raises(ConfigurationError, match="times: must be numbers"):
-        Signal.from_arrays(["a", "b"], [1, 2], unit="N")  # pyright: ignore[reportArgumentType]
+    assert len(repr(Signal.from_arrays(np.arange(1000), np.arange(1000), unit="N"))) < 300
 
 
-@pytest.mark.parametrize("shift", [100.0, -100.0, 1.7e9])
-def test_a_signal_that_never_meets_the_run_is_refused(shift: float) -> None:
-    signal = Signal.from_arrays(np.array([0.0, 4.0]) + shift, [1, 3], unit="N")
-    with pytest.raises(ConfigurationError, match="none of its times is in the run"):
-        signal.check("N", 50.0)
+def of(t: Any, values: Any) -> Signal:
+    """A force from arrays."""
+    return Signal.from_arrays(t, values, unit="N")
+
+
+HERE = datetime(2024, 1, 1, tzinfo=UTC)
+CALLS: list[tuple[Callable[[Path], object], str]] = [
+    (lambda file: Signal.from_file(file, "F").check("N", 1.0), "column 'F': has no unit; say which: unit = \"N\""),
+    (Signal.from_file, "column: must be named; there is F, other"),
+    (lambda file: Signal.from_file(file.with_suffix(".xls")), "unknown suffix '.xls'; must be .csv or .parquet"),
+    (lambda file: Signal.from_file(file.with_name("none.csv")), "none.csv: No such file"),
+    (lambda file: (file.write_bytes(b"\xff\xfe\x00"), Signal.from_file(file)), "not UTF-8"),
+    (lambda file: Signal(str(file), "F", "N", times=(0.0, 1.0), values=(0.0, 0.0)), "must not be given beside a file"),
+    (lambda _: of([0, 1], [1]), "values: has 1 numbers: must have 2"),
+    (lambda _: of([0], [1]), "times: is too short"),
+    (lambda _: of([], []), "times: is too short"),
+    (lambda _: of([0, 2, 1], [0, 0, 0]), "times[2] = 1: must be > 2"),
+    (lambda _: of([0, 1], [0, np.nan]), "values[1] = nan: must be a finite number"),
+    (lambda _: of(None, None), "t: must be numbers, not NoneType"),
+    (lambda _: of(["a", "b"], [1, 2]), "times: must be numbers"),
+    (lambda _: of([HERE, HERE.replace(second=1, tzinfo=None)], [1, 2]), "times: must be all of one kind"),
+    *(
+        (lambda _, shift=shift: of([shift, shift + 4.0], [1, 3]).check("N", 50.0), "none of its times is in the run")
+        for shift in (100.0, -100.0, 1.7e9)
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), CALLS)
+def test_wrong_calls_are_one_line(call: Callable[[Path], object], message: str, file: Path) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        call(file)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -16,6 +16,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.toolboxes.race import race as race_module
 from dualwinch.toolboxes.stress import stress as stress_module
 from tests.conftest import Refused
+from tests.spring_law import SPRING
 from tests.toolboxes.race.made_up import made_up
 from tests.toolboxes.stress.ensembles import DRUMS
 
@@ -24,29 +25,6 @@ SEA = ("race", "--ensemble", "sea", "--estimator", "kalman", *SHORT)
 BOUNDS = ("none", "mean.chatter<=1*paper")
 """Instead of the usual constraints, with stability margins, whose machines take most of a small race's time."""
 QUICK = (*SEA, *(word for bound in BOUNDS for word in ("--constraint", bound)))
-
-OWN = """
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
-import annotated_types as at
-import dualwinch as dw
-
-@dataclass(frozen=True)
-class Nothing:
-    pass
-
-@dataclass(frozen=True)
-class Spring(dw.PositionLaw):
-    k: Annotated[float, at.Gt(0), dw.Quantity("N/m", "stiffness"), dw.Tunable(10, 1e5)] = 1000.0
-    kind: ClassVar = "spring"
-
-    def initial_state(self):
-        return Nothing()
-
-    def step(self, state, estimate, setpoint, context):
-        u = self.k * (setpoint.x - estimate.x)
-        return state, dw.PositionOutput(u, dw.clip(u, -context.limits.force, context.limits.force))
-"""
 
 
 @pytest.mark.parametrize("words", [QUICK, pytest.param(SEA, marks=pytest.mark.slow)], ids=["few", "usual"])
@@ -60,7 +38,7 @@ def test_a_race_is_printed_written_and_added_to(
     assert "race: nftsm: drawing scenarios" in said.err
     assert f"wrote race.json, race.svg, fronts.svg, report.html, gains/ in {out}" in said.err
     plugin = tmp_path / "spring.py"
-    plugin.write_text(OWN)
+    plugin.write_text(SPRING)
     main([*words, "--plugin", str(plugin), "--law", "spring", "--seed", "3", "--out", str(out)])
     said = capsys.readouterr()
     assert "Race: 2 entries" in said.out

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import batches
+from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import CheckpointingExecutor, Workers
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -28,6 +30,26 @@ from dualwinch.toolboxes.stress.sizes import size
 from dualwinch.toolboxes.stress.stress import PAPER, breakdowns
 from dualwinch.tuning.constraints import constraints_from
 from tests.toolboxes.stress.ensembles import DRUMS, bare, of, sea, short
+
+Change = Callable[[BatchResult, np.ndarray], None]
+
+
+@pytest.fixture
+def changed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Controller, Change], None]:
+    """``changed(controller, change)``: the runs of a controller come out otherwise."""
+    whole = batches.run_grid
+
+    def patch(controller: Controller, change: Change) -> None:
+        def run_grid(scenarios: np.ndarray, **options: Any) -> BatchResult:
+            runs = whole(scenarios, **options)
+            if scenarios[0, 0].experiment.controller == controller:
+                change(runs, scenarios)
+            return runs
+
+        monkeypatch.setattr(batches, "run_grid", run_grid)
+
+    return patch
+
 
 GAINS = Path(__file__).with_name("tuned_in_the_sea.toml")
 
@@ -102,19 +124,13 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
         breakdowns(*words, scenarios=2, seed=0)
 
 
-def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pytest.MonkeyPatch) -> None:
-    wild = replace(paper_controller(), limits=Limits(preload=3e3))
-    whole = batches.run_grid
+def test_gains_that_are_lost_in_the_base_are_not_tried_further(changed: Callable[[Controller, Change], None]) -> None:
+    def lost(runs: BatchResult, scenarios: np.ndarray) -> None:
+        assert scenarios.shape == (1, 2), "tried further"
+        runs.outcomes[:, 1] = "left_track"
 
-    def lost(scenarios: np.ndarray, **options: Any):
-        runs = whole(scenarios, **options)
-        if scenarios[0, 0].experiment.controller == wild:
-            assert scenarios.shape == (1, 2), "tried further"
-            runs.outcomes[:, 1] = "left_track"
-        return runs
-
-    monkeypatch.setattr(batches, "run_grid", lost)
-    base = bare()
+    base, wild = bare(), replace(paper_controller(), limits=Limits(preload=3e3))
+    changed(wild, lost)
     found = breakdowns({"paper": paper_controller(), "wild": wild}, base, of(DRUMS, base), (), scenarios=2, seed=0)
     assert [each.words for each in found.lost["wild"]] == ["left track in 1 scenario"]
     assert found.names == ("paper",)
@@ -122,18 +138,9 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
     assert "wild: fails already in the base, left track in 1 scenario" in repr(found)
 
 
-def test_gains_that_fail_in_the_base_ease_no_bound_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    wild = replace(paper_controller(), limits=Limits(preload=3e3))
-    whole = batches.run_grid
-
-    def beyond(scenarios: np.ndarray, **options: Any):
-        runs = whole(scenarios, **options)
-        if scenarios[0, 0].experiment.controller == wild:
-            runs.metrics["peak_tension"][:] = 1e5
-        return runs
-
-    monkeypatch.setattr(batches, "run_grid", beyond)
-    base = bare()
+def test_gains_that_fail_in_the_base_ease_no_bound_of_others(changed: Callable[[Controller, Change], None]) -> None:
+    base, wild = bare(), replace(paper_controller(), limits=Limits(preload=3e3))
+    changed(wild, lambda runs, _: runs.metrics["peak_tension"].fill(1e5))
     constraints = constraints_from(["worst.peak_tension<=6000"], base.experiment)
     own = {"paper": paper_controller(), "wild": wild}
     found = breakdowns(own, base, of(DRUMS, base), constraints, scenarios=2, seed=0)
@@ -143,19 +150,15 @@ def test_gains_that_fail_in_the_base_ease_no_bound_of_others(monkeypatch: pytest
 
 
 def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselves(
-    monkeypatch: pytest.MonkeyPatch,
+    changed: Callable[[Controller, Change], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Unstable paper gains would let an error of tens of m² pass; those whose rope is slack for a moment would not."""
-    whole = batches.run_grid
 
-    def slack(scenarios: np.ndarray, **options: Any):
-        runs = whole(scenarios, **options)
-        if scenarios[0, 0].experiment.controller == paper_controller():
-            runs.metrics["slack_share"][:] = 0.7
-            runs.metrics["mse"][:] = 50.0
-        return runs
+    def slack(runs: BatchResult, _: np.ndarray) -> None:
+        runs.metrics["slack_share"][:] = 0.7
+        runs.metrics["mse"][:] = 50.0
 
-    monkeypatch.setattr(batches, "run_grid", slack)
+    changed(paper_controller(), slack)
     base = bare()
     constraints = constraints_from(["worst.slack_share<=0", "worst.mse<=4*paper"], base.experiment)
     own = {"paper": paper_controller(), "own": Controller(limits=Limits(preload=3e3))}

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.selection import NOT_CHOSEN, Certification, select
+from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.storage.store import MemoryStorage
 from dualwinch.tuning.study import Search, SearchBudget
@@ -60,6 +62,28 @@ def violating(counts: Sequence[int], draws: int) -> Callable[[BatchResult, objec
     return worst_of
 
 
+Study = Callable[..., tuple[Evaluator, list[Evaluation]]]
+
+
+@pytest.fixture
+def violating_study(make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch) -> Study:
+    """``violating_study([STAGE, 0])``: a study whose candidates violate bounds in so many fresh draws, one by one."""
+
+    def study(counts: Sequence[int], draws: int = STAGE, penalty: float = FEW.penalty, **words: Any) -> Any:
+        options = replace(FEW, chunk=draws, penalty=penalty)
+        evaluator = Evaluator(prepare(make_problem(scenarios=2, options=options, **words)))
+        trials = studied(evaluator)
+        monkeypatch.setattr(selection, "worst_of", violating(counts, draws))
+        return evaluator, trials
+
+    return study
+
+
+def selected(evaluator: Evaluator, trials: Sequence[Evaluation]) -> SelectionResult:
+    """The choice among trials, all of which may be examined."""
+    return select(evaluator, trials, examined(evaluator, trials))
+
+
 def test_the_best_is_certified_and_scored_in_draws_of_their_own(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -72,7 +96,7 @@ def test_the_best_is_certified_and_scored_in_draws_of_their_own(
         return run(candidates, scenarios, **words)
 
     monkeypatch.setattr(evaluator, "run", running)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
+    verdict = selected(evaluator, trials)
     assert len(set(seen)) == len(seen) == STAGE + FEW.test
     assert verdict.improved
     assert verdict.certificate is not None
@@ -104,23 +128,16 @@ def verdict_candidate(evaluator: Evaluator) -> Candidate:
     return min(entries, key=lambda entry: selection.merit(entry.evaluation)).candidate
 
 
-def test_a_share_of_the_papers_is_one_of_what_it_reaches_in_the_same_scenarios(make_problem: MakeProblem) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=["mean.chatter<=0.8*paper"])))
-    trials = studied(evaluator, 16)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
+@pytest.mark.parametrize("reference", ["paper", "start"])
+def test_a_share_of_other_gains_is_one_of_what_they_reach_in_the_same_scenarios(
+    reference: str, make_problem: MakeProblem
+) -> None:
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=[f"mean.chatter<=0.8*{reference}"])))
+    verdict = selected(evaluator, studied(evaluator, 16))
     (there,), (tuned,) = verdict.constraints, evaluator.training.constraints
-    assert there.bound == pytest.approx(0.8 * verdict.statistics("paper")["mean.chatter"], rel=1e-12)
+    assert there.bound == pytest.approx(0.8 * verdict.statistics(reference)["mean.chatter"], rel=1e-12)
     assert there.bound != pytest.approx(tuned.bound, rel=1e-3)
-    assert verdict.scores["paper"].evaluation.violations[there.label] == pytest.approx(0.25, rel=1e-9)
-
-
-def test_a_share_of_the_starts_is_one_of_what_it_reaches_in_the_same_scenarios(make_problem: MakeProblem) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=["mean.chatter<=0.8*start"])))
-    trials = studied(evaluator, 16)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
-    (there,) = verdict.constraints
-    assert there.bound == pytest.approx(0.8 * verdict.statistics("start")["mean.chatter"], rel=1e-12)
-    assert verdict.scores["start"].evaluation.violations[there.label] == pytest.approx(0.25, rel=1e-9)
+    assert verdict.scores[reference].evaluation.violations[there.label] == pytest.approx(0.25, rel=1e-9)
 
 
 @pytest.mark.parametrize("ensemble", ["sea", None])
@@ -143,8 +160,7 @@ def test_the_test_set_never_chooses_and_a_contradiction_is_said(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
-    trials = studied(evaluator)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
+    verdict = selected(evaluator, studied(evaluator))
     assert verdict.contradiction == ""
     monkeypatch.setattr(selection, "improves_on", lambda *_: False)
     words = selection._contradiction(verdict.scores, verdict.certificate, verdict.constraints)
@@ -154,19 +170,13 @@ def test_the_test_set_never_chooses_and_a_contradiction_is_said(
 def test_the_start_and_the_papers_gains_are_one_where_they_do_the_same(make_problem: MakeProblem) -> None:
     settings = ["simulation.duration=0.1", "controller.estimator=none"]
     evaluator = Evaluator(prepare(make_problem(settings=settings, scenarios=2)))
-    trials = studied(evaluator)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
+    verdict = selected(evaluator, studied(evaluator))
     assert verdict.start_is_papers
     assert verdict.shown == ("best", "paper")
 
 
-def test_leaders_are_examined_in_order_until_one_is_certified(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
-    trials = studied(evaluator)
-    monkeypatch.setattr(selection, "worst_of", violating([STAGE, STAGE, 0], STAGE))
-    certification = examined(evaluator, trials)
+def test_leaders_are_examined_in_order_until_one_is_certified(violating_study: Study) -> None:
+    certification = examined(*violating_study([STAGE, STAGE, 0]))
     certified = certification.certified
     assert certified is not None
     assert [each.certificate.violations for each in certification.examined] == [STAGE, STAGE, 0]
@@ -176,56 +186,32 @@ def test_leaders_are_examined_in_order_until_one_is_certified(
     assert certified.certificate.error < SampleCertificate(FEW.violation, FEW.confidence).error
 
 
-def test_a_candidate_with_rare_violations_is_certified_in_more_draws(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
-    trials = studied(evaluator)
-    monkeypatch.setattr(selection, "worst_of", violating([1], STAGE))
-    certified = examined(evaluator, trials).certified
-    assert certified is not None
-    assert certified.certificate.violations == 1
-    assert certified.certificate.draws == certified.certificate.draws_of_stage(1)
-
-
-def test_a_candidate_is_rejected_only_once_its_probability_is_unlikely(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Three violations in a stage for none leave the probability open: draws go on until they support it."""
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
-    trials = studied(evaluator)
-    certificate = SampleCertificate(FEW.violation, FEW.confidence, 1, STAGE, 3)
+@pytest.mark.parametrize("violations", [1, 3])
+def test_a_candidate_with_rare_violations_is_certified_in_more_draws(violations: int, violating_study: Study) -> None:
+    """Three violations in a stage for none leave the probability open, too: draws go on until they support it."""
+    certificate = SampleCertificate(FEW.violation, FEW.confidence, 1, STAGE, violations)
     assert not certificate.rejected
-    needed = certificate.draws_of_stage(3)
-    monkeypatch.setattr(selection, "worst_of", violating([3, *[0] * (needed // STAGE)], STAGE))
-    certified = examined(evaluator, trials).certified
+    needed = certificate.draws_of_stage(violations)
+    certified = examined(*violating_study([violations, *[0] * (needed // STAGE)])).certified
     assert certified is not None
-    assert (certified.certificate.violations, certified.certificate.draws) == (3, needed)
+    assert (certified.certificate.violations, certified.certificate.draws) == (violations, needed)
 
 
 @pytest.mark.parametrize(("constraint", "examinations"), [("mean.chatter<=9*paper", 1), ("mean.chatter<=1e9", 2)])
 def test_a_budget_counts_the_runs_of_the_papers_gains_beside_a_candidate(
-    constraint: str, examinations: int, make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+    constraint: str, examinations: int, violating_study: Study
 ) -> None:
-    options = replace(FEW, chunk=STAGE)
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=[constraint], options=options)))
-    trials = studied(evaluator)
-    monkeypatch.setattr(selection, "worst_of", violating([STAGE, 0], STAGE))
+    evaluator, trials = violating_study([STAGE, 0], constraints=[constraint])
     runs_of_paper = STAGE if "paper" in constraint else 0
     draws = 2.5 * SampleCertificate(FEW.violation, FEW.confidence, 2).draws_of_stage(0)
     budget = SelectionBudget(rollouts=evaluator.rollouts + runs_of_paper + round(draws))
     assert len(examined(evaluator, trials, budget).examined) == examinations
 
 
-def test_the_reserve_for_runs_of_the_papers_gains_is_what_they_took_before(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_reserve_for_runs_of_the_papers_gains_is_what_they_took_before(violating_study: Study) -> None:
     """A bound far away is settled at the first look, after which they do not run any more."""
-    options = replace(FEW, chunk=STAGE // 2)
-    problem = make_problem(scenarios=2, constraints=["mean.chatter<=9*paper"], options=options)
-    evaluator = Evaluator(prepare(problem))
-    trials = studied(evaluator)
-    monkeypatch.setattr(selection, "worst_of", violating([STAGE // 2, 0, 0, 0], STAGE // 2))
+    counts = [STAGE // 2, 0, 0, 0]
+    evaluator, trials = violating_study(counts, STAGE // 2, constraints=["mean.chatter<=9*paper"])
     second = SampleCertificate(FEW.violation, FEW.confidence, 2).draws_of_stage(0)
     before = evaluator.rollouts
     certification = examined(evaluator, trials, SelectionBudget(rollouts=before + STAGE + second + STAGE // 2))
@@ -233,14 +219,10 @@ def test_the_reserve_for_runs_of_the_papers_gains_is_what_they_took_before(
     assert evaluator.rollouts - before < STAGE + 2 * second
 
 
-def test_where_time_is_short_leaders_are_examined_as_long_as_it_lasts(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_time_is_short_leaders_are_examined_as_long_as_it_lasts(violating_study: Study) -> None:
     """Draws that take a day leave no time for another certificate, nor for more search; the next leader is examined."""
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
-    trials, day, hour = studied(evaluator), 86400.0, 3600.0
+    (evaluator, trials), day, hour = violating_study([STAGE, 0]), 86400.0, 3600.0
     evaluator.meter.draws.seconds += day
-    monkeypatch.setattr(selection, "worst_of", violating([STAGE, 0], STAGE))
     certification = Certification(evaluator)
     certification.add(trials)
     searches = list[int]()
@@ -249,12 +231,8 @@ def test_where_time_is_short_leaders_are_examined_as_long_as_it_lasts(
     assert not searches
 
 
-def test_without_rollouts_for_another_the_best_is_stated_with_its_probability(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE, penalty=1.0))))
-    trials = studied(evaluator)
-    monkeypatch.setattr(selection, "worst_of", violating([1, 0], STAGE))
+def test_without_rollouts_for_another_the_best_is_stated_with_its_probability(violating_study: Study) -> None:
+    evaluator, trials = violating_study([1, 0], penalty=1.0)
     verdict = select(evaluator, trials, examined(evaluator, trials, SelectionBudget(rollouts=0)))
     assert verdict.improved
     assert verdict.certificate is not None
@@ -263,12 +241,8 @@ def test_without_rollouts_for_another_the_best_is_stated_with_its_probability(
     assert verdict.unexamined > 0
 
 
-def test_a_leader_that_violates_bounds_in_most_draws_is_named_where_the_start_is_kept(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2, options=replace(FEW, chunk=STAGE))))
-    trials = studied(evaluator)
-    monkeypatch.setattr(selection, "worst_of", violating([STAGE, 0], STAGE))
+def test_a_leader_that_violates_bounds_in_most_draws_is_named_where_the_start_is_kept(violating_study: Study) -> None:
+    evaluator, trials = violating_study([STAGE, 0])
     verdict = select(evaluator, trials, examined(evaluator, trials, SelectionBudget(rollouts=0)))
     assert not verdict.improved
     assert "reaches mean.mse = " in verdict.obstacle
@@ -300,8 +274,7 @@ def test_a_violated_mean_is_a_rejection_and_keeps_that_bound_off(make_problem: M
 
 def test_a_violation_that_is_as_rare_as_fresh_draws_support_is_no_contradiction(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=["worst.peak_tension<=6000"])))
-    trials = studied(evaluator)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
+    verdict = selected(evaluator, studied(evaluator))
     scores, constraints = verdict.scores, verdict.constraints
     (label,) = (constraint.label for constraint in constraints)
     best = scores["best"].feasible
@@ -321,8 +294,7 @@ def test_means_of_the_first_line_are_those_within_the_motors_authority(
     within = np.arange(FEW.test) != 3
     monkeypatch.setattr(test_set, "with_authority", lambda *_: within)
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
-    trials = studied(evaluator)
-    verdict = select(evaluator, trials, examined(evaluator, trials))
+    verdict = selected(evaluator, studied(evaluator))
     for score in verdict.scores.values():
         errors = score.result.metrics["mse"][0]
         assert score.evaluation.statistics["mean.mse"] == pytest.approx(errors.mean(), rel=1e-12)
