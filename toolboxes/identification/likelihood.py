@@ -449,9 +449,14 @@ def _positive_part(information: Floats) -> Floats:
 
 
 def _bounded_step(information: Floats, slope: Floats, lower: Floats, upper: Floats) -> Floats:
-    """The minimum between bounds of a quadratic function, half of whose curvature and slope at zero are given."""
-    scale = 1 / np.sqrt(np.diag(information))
+    """The minimum between bounds of a quadratic function, half of whose curvature and slope at zero are given.
+
+    What has no curvature stays, as the noise of a sensor that process noise hides.
+    """
+    step, curved = np.zeros(len(slope)), np.flatnonzero((np.diag(information) > 0) & (lower < upper))
+    scale = 1 / np.sqrt(np.diag(information))[curved]
     rounding = np.sqrt(np.finfo(float).eps) * np.eye(len(scale))
-    root = np.linalg.cholesky(information * np.outer(scale, scale) + rounding)
-    target = np.linalg.solve(root, -scale * slope)
-    return scale * lsq_linear(root.T, target, (lower / scale, upper / scale)).x
+    root = np.linalg.cholesky(information[np.ix_(curved, curved)] * np.outer(scale, scale) + rounding)
+    target = np.linalg.solve(root, -scale * slope[curved])
+    step[curved] = scale * lsq_linear(root.T, target, (lower[curved] / scale, upper[curved] / scale)).x
+    return step

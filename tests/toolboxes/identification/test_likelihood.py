@@ -162,3 +162,10 @@ def test_a_likelihood_that_jumps_is_looked_at_beyond_its_jumps(
     assert beyond is not None
     assert (beyond.at - at) @ deviations == pytest.approx([0, -2.5, 0], abs=0.3)
     assert beyond.converged
+
+
+def test_what_has_no_curvature_stays() -> None:
+    """Nor does it keep the others from moving: the noise of a sensor that process noise hides, and a closed range."""
+    information, slope = np.diag([2.0, 0.0, 2.0]), np.array([-1.0, 0.0, -1.0])
+    step = _bounded_step(information, slope, np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 0.0]))
+    assert step == pytest.approx([0.5, 0.0, 0.0], abs=1e-6)
