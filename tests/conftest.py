@@ -71,6 +71,17 @@ def registered_for_this_test_only() -> Iterator[None]:
         registry._parts = parts
 
 
+def exit_code(*words: object) -> int:
+    """Run the command line; its exit code."""
+    from dualwinch.cli import main
+
+    try:
+        main([str(word) for word in words])
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
 Refused = Callable[..., str]
 
 

@@ -93,15 +93,6 @@ def test_figures_of_merit_count_the_torque_that_reaches_the_plant() -> None:
     assert result["torque_1"][0] - 0.8 / 36 * 1000 < 0.2
 
 
-@pytest.mark.parametrize("actuator", ACTUATED.values(), ids=ACTUATED)
-def test_both_engines_run_them(actuator: Actuator) -> None:
-    asked = experiment(actuator)
-    ours, theirs = simulate(asked), simulate(asked, engine="interpreter")
-    assert ours.outcome == theirs.outcome == "completed"
-    for name, column in ours.columns.items():
-        assert np.abs(column - theirs[name]).max() <= 1e-9 * max(1.0, np.abs(column).max()), name
-
-
 @pytest.mark.parametrize("actuator", [*ACTUATED.values(), Ideal()], ids=[*ACTUATED, "ideal"])
 def test_a_run_begins_in_equilibrium(actuator: Actuator) -> None:
     still = override(experiment(actuator), {"reference.kind": "way-points", "reference.points": (1e-9,)})

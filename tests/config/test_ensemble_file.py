@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.cli import main
 from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.plugins import register
 from dualwinch.model.errors import ConfigurationError
@@ -20,6 +19,7 @@ from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.sensors import DELAYS, FAULTS
 from dualwinch.simulation.settings import override
+from tests.conftest import exit_code
 from tests.own_distributions import Triangular
 
 MASS = "plant.vehicle.mass"
@@ -304,17 +304,9 @@ def test_wrong_files_are_one_line(text: str, message: str, tmp_path: Path) -> No
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.3", "--scenarios", "6", "--seed", "7")
 
 
-def dualwinch(*words: object) -> int:
-    try:
-        main([str(word) for word in words])
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
 def test_simulate_runs_an_ensemble_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, plot = tmp_path / "sea.json", tmp_path / "sea.png"
-    assert dualwinch("simulate", *SHORT, "--controller", "nftsm", "--out", out, "--plot", plot) == 0
+    assert exit_code("simulate", *SHORT, "--controller", "nftsm", "--out", out, "--plot", plot) == 0
     said = capsys.readouterr().out
     assert "nftsm in 'sea', seed 7: 6 completed" in said
     for word in ("mean", "median", "95 %", "worst", "steady_max_abs_error", "chatter"):
@@ -324,12 +316,12 @@ def test_simulate_runs_an_ensemble_end_to_end(tmp_path: Path, capsys: pytest.Cap
     assert plot.read_bytes().startswith(b"\x89PNG")
     # what is kept with the result makes the same result
     again, copy = tmp_path / "again.json", written(content["configuration"], tmp_path)
-    assert dualwinch("simulate", "--ensemble", copy, "--scenarios", 6, "--seed", 7, "--out", again) == 0
+    assert exit_code("simulate", "--ensemble", copy, "--scenarios", 6, "--seed", 7, "--out", again) == 0
     assert json.loads(again.read_text())["scenarios"] == content["scenarios"]
 
 
 def test_config_prints_an_ensemble_that_simulate_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert dualwinch("config", "--ensemble", "sea") == 0
+    assert exit_code("config", "--ensemble", "sea") == 0
     assert load_ensemble(written(capsys.readouterr().out, tmp_path)) == load_ensemble("sea")
 
 
@@ -348,7 +340,7 @@ def test_an_interrupt_writes_what_was_finished(
 
     monkeypatch.setattr(run, "rollout", interrupted)
     out = tmp_path / "sea.json"
-    assert dualwinch("simulate", *SHORT, "--out", out) == 130
+    assert exit_code("simulate", *SHORT, "--out", out) == 130
     said = capsys.readouterr()
     assert "3 of 6 scenarios were finished and are kept" in said.out
     assert said.err.splitlines()[-1].startswith(f"dualwinch: error: interrupted; {out} had been written")

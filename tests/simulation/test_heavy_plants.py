@@ -13,8 +13,6 @@ from benchmarks.embedded.host import Host, build
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.toolboxes.fmu.export import export_fmu
@@ -43,21 +41,6 @@ def heavy(duration: float = 0.1, **keys: Any) -> dw.Experiment:
     )
 
 
-def noisy() -> dw.Experiment:
-    """The nominal machine of `site` with its noise."""
-    site = dw.load_ensemble("site").experiment
-    return dw.override(site, {"simulation.duration": 0.1, "controller.winch_1.damping": DAMPING})
-
-
-@pytest.mark.parametrize("engine", ["compiled", pytest.param("casadi", marks=pytest.mark.slow)])
-def test_compiled_code_computes_what_the_interpreter_does(engine: Any) -> None:
-    ours, theirs = dw.simulate(noisy(), engine=engine), dw.simulate(noisy(), engine="interpreter")
-    assert {"sag_1", "gear_2", "F1_vehicle"} <= ours.columns.keys()
-    for name, column in theirs.columns.items():
-        np.testing.assert_allclose(ours[name], column, rtol=1e-9, atol=1e-9 * np.abs(column).max(), err_msg=name)
-    assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
-
-
 def test_a_lane_of_the_stepper_is_the_run() -> None:
     run, stepper = dw.simulate(noisy(), engine="interpreter"), Stepper(noisy(), batch=2, exact=True)
     feed(stepper, torques_of(run))
@@ -72,6 +55,12 @@ def test_an_environment_begins_at_rest_and_steps() -> None:
     observed, *_ = environments.step(environments.action_space.sample())
     assert np.isfinite(np.asarray(observed)).all()
     assert isinstance(info, dict)
+
+
+def noisy() -> dw.Experiment:
+    """The nominal machine of `site` with its noise."""
+    site = dw.load_ensemble("site").experiment
+    return dw.override(site, {"simulation.duration": 0.1, "controller.winch_1.damping": DAMPING})
 
 
 def packaged(what: str, experiment: dw.Experiment, folder: Path) -> tuple[Host, Block]:
@@ -164,28 +153,6 @@ def test_an_fmu_of_the_plant_moves_as_its_block(version: Any, tmp_path: Path) ->
     assert fmu.get("x", "rope_1.sag.depth", "motor_2.omega", "F1") == pytest.approx(
         [outputs[names(made.outputs).index(name)] for name in ("x", "rope_1.sag.depth", "motor_2.omega", "F1")]
     )
-
-
-SLOPES = {
-    "controller.winch_1.damping": DAMPING,
-    "plant.rope_1.mass_per_length": 2.36,
-    "plant.rope_2.submerged_weight": 20.2,
-    "plant.winch_1.gear_stiffness": 1.4e6,
-    "plant.winch_2.rotor_inertia": 0.02,
-    "plant.track.roller_spacing": 1.0,
-}
-
-
-@pytest.mark.slow
-def test_gradients_are_those_of_central_differences() -> None:
-    experiment, keys = heavy(0.3, controller__coordination__preload=5000.0), list(SLOPES)
-    ours = sensitivities(keys, [list(SLOPES.values())], [experiment], stride=0)
-    point, steps = np.array([*SLOPES.values()]), 1e-4 * np.diag([*SLOPES.values()])
-    both = rollout(keys, np.concatenate([point + steps, point - steps]), [experiment])
-    for metric in ("mse", "peak_tension", "energy"):
-        above, below = both.metrics[metric][:, 0].reshape(2, -1)
-        expected = (above - below) / (2 * np.diag(steps))
-        np.testing.assert_allclose(ours.gradients[metric][0, 0], expected, rtol=1e-4, err_msg=metric)
 
 
 @pytest.mark.parametrize("gains", all_but(["tuned_in_site"], ["searched", "tuned_in_site", "shaped_in_site"]))

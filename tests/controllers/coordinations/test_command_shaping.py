@@ -12,12 +12,8 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.settings import override
-from dualwinch.simulation.simulate import simulate
 
 T = 1e-3
-
-GAINS = {"damping": 20.0, "shaping": 1.5}
 
 
 def filtered(commands: np.ndarray, drum: DrumResonance, shaping: float) -> np.ndarray:
@@ -78,13 +74,3 @@ def test_without_shaping_there_is_no_state_and_the_torque_is_as_before() -> None
     estimate, setpoint = Estimate(25.0, 0.0, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0), Setpoint(25.0, 0.0, 0.0)
     torques = [each.step(each.initial_state(), 0.0, estimate, setpoint, context)[1] for each in (plain, shaping)]
     assert torques[0] == torques[1]
-
-
-def test_compiled_and_interpreted_agree() -> None:
-    values = {f"controller.winch_{number}.{name}": size for number in (1, 2) for name, size in GAINS.items()}
-    experiment = override(case(4), {**values, "simulation.duration": 0.05})
-    compiled, interpreted = simulate(experiment), simulate(experiment, engine="interpreter")
-    for name, column in compiled.columns.items():
-        assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
-    unshaped = simulate(override(experiment, {key: 0.0 for key in values if key.endswith("shaping")}))
-    assert np.abs(compiled["tau_1"] - unshaped["tau_1"]).max() > 1e-3

@@ -29,8 +29,6 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
@@ -236,28 +234,6 @@ def test_on_an_imperfect_rig_the_estimate_is_in_the_sensors_frame() -> None:
     assert result["scale_1"][-1] == pytest.approx(2e-3, abs=1e-4)
     assert result["scale_2"][-1] == pytest.approx(-1.5e-3, abs=1e-4)
     assert result.metrics.slack_share == 0
-
-
-GAIN = "controller.drums.memory"
-
-
-@pytest.mark.slow
-def test_lanes_are_single_runs_also_where_readings_are_no_numbers() -> None:
-    batch = rollout([GAIN], [[15.0], [30.0]], [rig()], stride=1)
-    for index, memory in enumerate((15.0, 30.0)):
-        alone = simulate(override(rig().experiment, {GAIN: memory}), nominal=Plant())
-        assert np.abs(batch.columns["e"][index, 0] - alone["e"]).max() < 1e-9
-        assert batch.metrics["mse"][index, 0] == pytest.approx(alone.metrics.mse, rel=1e-5)
-
-
-@pytest.mark.slow
-def test_gradients_are_those_of_central_differences() -> None:
-    smooth = {"sensors.position_resolution": 0.0, "sensors.encoder_counts": 0}
-    short, step = rig(2.0).having(smooth), 1e-4
-    name, value = "controller.kalman.bandwidth", 20.0
-    lower, upper = rollout([name], [[value * (1 - step)], [value * (1 + step)]], [short]).metrics["mse"][:, 0]
-    gradient = sensitivities([name], [[value]], [short], stride=0).gradients["mse"][0, 0, 0]
-    assert gradient == pytest.approx((upper - lower) / (2 * step * value), rel=1e-3)
 
 
 @pytest.mark.slow

@@ -4,22 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.laws.adrc import Adrc
-from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput
-from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context, Estimate
-from dualwinch.model.plant import Plant
-from dualwinch.model.reference import Setpoint
-from dualwinch.model.vehicle import Vehicle
-
-T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
-SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
-
-
-def step(
-    state: ExtendedState, x: float, v: float = 0.0, law: Adrc | None = None
-) -> tuple[ExtendedState, ObserverOutput]:
-    estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
-    return (law or Adrc()).step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState
+from tests.controllers.laws.samples import T, step
 
 
 @given(st.floats(1, 200))
@@ -27,7 +13,7 @@ def test_all_poles_of_the_observer_lie_at_its_bandwidth(bandwidth: float) -> Non
     """What the expectation is wrong by, a sample later, on a vehicle at rest that then follows the command."""
     columns = []
     for wrong in np.eye(3):
-        after, output = step(ExtendedState(*wrong, primed=1.0), 0.0, law=Adrc(0.0, bandwidth))
+        after, output = step(Adrc(0.0, bandwidth), ExtendedState(*wrong, primed=1.0), 0.0)
         acceleration = output.u_sat / 1e4
         columns.append([after.x - T**2 / 2 * acceleration, after.v - T * acceleration, after.d])
     expected = np.poly([np.exp(-bandwidth * T)] * 3)

@@ -6,29 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.laws.equivalent_input_disturbance import Eid
-from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput
-from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context, Estimate
-from dualwinch.model.plant import Plant
-from dualwinch.model.reference import Setpoint
-from dualwinch.model.vehicle import Vehicle
-
-T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
-SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
-
-
-def step(
-    state: ExtendedState, x: float, v: float = 0.0, law: Eid | None = None
-) -> tuple[ExtendedState, ObserverOutput]:
-    estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
-    return (law or Eid()).step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState
+from tests.controllers.laws.samples import T, step
 
 
 def error_poles(law: Eid) -> np.ndarray:
     """Poles of what the expectation is wrong by, on a vehicle at rest that then follows the command."""
     columns = []
     for wrong in np.eye(3):
-        after, output = step(ExtendedState(*wrong, primed=1.0), 0.0, law=replace(law, natural_frequency=0.0))
+        after, output = step(replace(law, natural_frequency=0.0), ExtendedState(*wrong, primed=1.0), 0.0)
         acceleration = output.u_sat / 1e4
         columns.append([after.x - T**2 / 2 * acceleration, after.v - T * acceleration, after.d])
     return np.linalg.eigvals(np.array(columns).T)
@@ -53,6 +39,6 @@ def test_it_is_stable_where_the_filter_is_slow_enough(bandwidth: float, ratio: f
 def test_the_filter_is_a_first_order_low_pass_of_the_estimate() -> None:
     """After one surprise: the share that the filter lets through, of the speed's correction over the sample."""
     law = Eid(observer_bandwidth=20.0, filter_time=0.1)
-    _, output = step(ExtendedState(primed=1.0), 1e-3, law=law)
+    _, output = step(law, ExtendedState(primed=1.0), 1e-3)
     wanted = (1 - np.exp(-20 * T)) ** 2 * 1e-3 / T**2
     assert output.d_hat == pytest.approx((1 - np.exp(-T / 0.1)) * wanted)

@@ -7,27 +7,14 @@ import pytest
 
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.equivalent_input_disturbance import Eid
-from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput
-from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context, Estimate
-from dualwinch.model.plant import Plant
-from dualwinch.model.reference import Setpoint
-from dualwinch.model.vehicle import Vehicle
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
+from tests.controllers.laws.samples import T, step
 from tests.tolerances import close
 
-T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
-SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
-
 both_laws = pytest.mark.parametrize("law", [Adrc(), Eid()])
-
-
-def step(law: Adrc | Eid, state: ExtendedState, x: float, v: float = 0.0) -> tuple[ExtendedState, ObserverOutput]:
-    """A sample on a vehicle that only has its mass."""
-    estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
-    return law.step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
 
 
 @both_laws

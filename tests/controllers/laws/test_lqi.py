@@ -11,17 +11,11 @@ from scipy.linalg import solve_discrete_are
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.controllers.laws.lqi import Lqi, LqiState
 from dualwinch.controllers.laws.pid_cascade import PidCascade
-from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
-from dualwinch.model.plant import Plant
-from dualwinch.model.reference import Setpoint
-from dualwinch.model.vehicle import Vehicle
+from dualwinch.controllers.parts import PositionLaw
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
-
-T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
-SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
+from tests.controllers.laws.samples import T, step
 
 weights = st.builds(
     Lqi,
@@ -31,11 +25,6 @@ weights = st.builds(
     acceleration=st.floats(-3, 1).map(lambda power: 10**power),
 )
 """All that is searched when it is tuned."""
-
-
-def step(law: Lqi, state: LqiState, x: float, v: float = 0.0) -> tuple[LqiState, PositionOutput]:
-    estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
-    return law.step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
 
 
 def motion(sample_time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

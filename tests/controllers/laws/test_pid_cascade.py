@@ -1,23 +1,12 @@
 import pytest
 
 from dualwinch.controllers.laws.pid_cascade import PidCascade, PidCascadeState
-from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context, Estimate, PositionOutput
-from dualwinch.model.plant import Plant
-from dualwinch.model.reference import Setpoint
-
-
-def step(
-    state: PidCascadeState, x: float, v: float, law: PidCascade | None = None
-) -> tuple[PidCascadeState, PositionOutput]:
-    estimate = Estimate(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
-    context = Context(Plant(), Limits(), 1e-3)
-    return (law or PidCascade()).step(state, estimate, Setpoint(0.0, 0.0, 0.0), context)
+from tests.controllers.laws.samples import step
 
 
 def test_two_loops_by_hand() -> None:
     e1 = -0.01
-    state, output = step(PidCascadeState(), e1, 0.02)
+    state, output = step(PidCascade(), PidCascadeState(), e1, 0.02)
     I1 = 1e-3 * e1
     ev = -10 * e1 - 0.1 * I1 - 0.02
     assert pytest.approx(I1) == state.I1
@@ -28,7 +17,7 @@ def test_two_loops_by_hand() -> None:
 @pytest.mark.parametrize("x", [-1.0, 1.0])
 def test_integrals_are_held_while_they_would_push_into_the_limit(x: float) -> None:
     before = PidCascadeState(I1=0.3, I2=0.2, ev_previous=0.1, primed=1.0)
-    after, output = step(before, x, 0.0)
+    after, output = step(PidCascade(), before, x)
     held_ev = -10 * x - 0.1 * 0.3
     assert (after.I1, after.I2) == (0.3, 0.2)
     assert output.u == pytest.approx(1e4 * (2 * held_ev + 0.05 * 0.2))
@@ -38,19 +27,19 @@ def test_integrals_are_held_while_they_would_push_into_the_limit(x: float) -> No
 def test_integrals_that_lead_out_of_the_limit_go_on() -> None:
     """The force is beyond its limit, yet the speed error asks for less of it."""
     before = PidCascadeState(I2=20.0, primed=1.0)
-    after, output = step(before, 0.0, 0.1)
+    after, output = step(PidCascade(), before, 0.0, 0.1)
     assert output.u_sat == 5800
     assert after.I2 < before.I2
 
 
 def test_derivative_is_zero_at_the_first_sample_only() -> None:
     law = PidCascade(ki1=0.0, ki2=0.0, kd2=0.01)
-    first, output = step(PidCascadeState(), -0.001, 0.0, law)
+    first, output = step(law, PidCascadeState(), -0.001)
     assert output.u == pytest.approx(1e4 * 2 * 0.01)
-    _, output = step(first, -0.002, 0.0, law)
+    _, output = step(law, first, -0.002)
     assert output.u == pytest.approx(1e4 * (2 * 0.02 + 0.01 * 0.01 / 1e-3))
 
 
 def test_speed_error_weighs_in_the_position_loop() -> None:
-    _, output = step(PidCascadeState(), 0.0, 0.05, PidCascade(ki1=0.0, ki2=0.0, kd1=3.0))
+    _, output = step(PidCascade(ki1=0.0, ki2=0.0, kd1=3.0), PidCascadeState(), 0.0, 0.05)
     assert output.u == pytest.approx(1e4 * 2 * (-3 * 0.05 - 0.05))

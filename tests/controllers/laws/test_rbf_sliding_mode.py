@@ -6,24 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.laws.rbf_sliding_mode import CENTRES, RbfOutput, RbfSlidingMode, RbfState
+from dualwinch.controllers.laws.rbf_sliding_mode import CENTRES, RbfSlidingMode, RbfState
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.parts import Context, Estimate
-from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
-
-T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
-SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
-
-
-def step(
-    law: RbfSlidingMode, state: RbfState, x: float, v: float = 0.0, setpoint: Setpoint = STILL
-) -> tuple[RbfState, RbfOutput]:
-    estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
-    return law.step(state, estimate, setpoint, Context(SMOOTH, Limits(), T))
+from tests.controllers.laws.samples import SMOOTH, T, step
 
 
 def test_one_sample_by_hand() -> None:

@@ -7,27 +7,17 @@ from hypothesis import strategies as st
 
 from dualwinch.controllers.laws.nftsm import NftsmOutput
 from dualwinch.controllers.laws.super_twisting import SuperTwisting, SuperTwistingState
-from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
-from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
+from tests.controllers.laws.samples import T, step
 
-T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
 SHARP = SuperTwisting(smoothing=1e-12)
 
 
-def step(
-    state: SuperTwistingState, x: float, v: float, law: SuperTwisting = SHARP, plant: Plant | None = None
-) -> tuple[SuperTwistingState, NftsmOutput]:
-    estimate = Estimate(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
-    return law.step(state, estimate, STILL, Context(plant or Plant(), Limits(), T))
-
-
 def test_one_sample_by_hand() -> None:
-    state, output = step(SuperTwistingState(z=0.02), 0.003, 0.014)
+    state, output = step(SHARP, SuperTwistingState(z=0.02), 0.003, 0.014, plant=Plant())
     s = 0.003 + 0.014 / 2
     resistance = 490 * np.tanh(1.4) + 900 * 0.014**2
     assert output.s == pytest.approx(0.01)
@@ -37,7 +27,7 @@ def test_one_sample_by_hand() -> None:
 
 @given(st.floats(0.3, 5), st.sampled_from([-1, 1]))
 def test_the_integral_is_held_beyond_the_limit(e1: float, side: int) -> None:
-    state, output = step(SuperTwistingState(z=0.01), side * 3 * e1, 0.0)
+    state, output = step(SHARP, SuperTwistingState(z=0.01), side * 3 * e1, plant=Plant())
     assert abs(output.u_sat) == 5800
     assert state.z == 0.01
     assert state.Z_a == pytest.approx(T * (output.u - output.u_sat))
@@ -49,7 +39,7 @@ def test_a_disturbance_that_grows_steadily_is_taken_up(slope: float) -> None:
     free = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
     x, v, state, output = 0.02, 0.0, SuperTwistingState(), NftsmOutput(0.0, 0.0, 0.0, np.inf)
     for k in range(1500):
-        state, output = step(state, x, v, SuperTwisting(), free)
+        state, output = step(SuperTwisting(), state, x, v, plant=free)
         acceleration = output.u_sat / 1e4 + slope * k * T
         x, v = x + T * v + T**2 / 2 * acceleration, v + T * acceleration
     assert abs(output.s) < 2e-3

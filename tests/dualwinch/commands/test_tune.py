@@ -26,6 +26,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.scoring.progress import DESIGNING, PHASES, SearchStatus, TuningProgress
 from dualwinch.tuning.tuning_problem import tuning_problem
+from tests.conftest import exit_code
 from tests.spring_law import SPRING
 from tests.tuning.test_tune import Stubborn
 
@@ -37,18 +38,10 @@ FEW = (*SHORT, "--constraint", "none", "--constraint", "mean.chatter<=1*paper")
 TRIALS = 80  # enough of them are complete for every figure
 
 
-def dualwinch(*words: object) -> int:
-    try:
-        main([str(word) for word in words])
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text("[plant.vehicle]\nmass = 10e3  # CHECKED on the scales\n")
-    assert dualwinch("tune", *SHORT, "--config", mine, "--trials", TRIALS, "--out", tmp_path / "out") == 0
+    assert exit_code("tune", *SHORT, "--config", mine, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
     assert re.search(r"^mass = 10000\.0 +# CHECKED: ", (tmp_path / "out" / "best.toml").read_text(), re.MULTILINE)
     assert "is the best; scored in 200 test scenarios" in said.out
@@ -126,7 +119,7 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     """By the function that `simulate` and `export` use."""
     words = "unstable at small amplitudes: at rest at 25 m deviations grow by 1.2 1/s"
     monkeypatch.setattr("dualwinch.tuning.result.loop_notes", lambda _: iter([words]))
-    assert dualwinch("tune", *SHORT, "--trials", 16, "--out", tmp_path) == 0
+    assert exit_code("tune", *SHORT, "--trials", 16, "--out", tmp_path) == 0
     printed = capsys.readouterr().out
     best, report = (tmp_path / "best.toml").read_text(), (tmp_path / "report.html").read_text(encoding="utf-8")
     headline, brief = printed.splitlines()[0], "the loop with these gains is unstable at small amplitudes"
@@ -150,13 +143,13 @@ def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     words = "unstable at small amplitudes: at rest at 25 m (dualwinch linearise --loop closed --x 25)"
     monkeypatch.setattr("dualwinch.tuning.result.loop_notes", lambda _: iter([words]))
     law = ("--plugin", plugin, "--set", "controller.kind=spring", "--constraint", "none")
-    assert dualwinch("tune", *law, "--case", 4, "--set", "simulation.duration=0.1", "--trials", 4, "--out", out) == 0
+    assert exit_code("tune", *law, "--case", 4, "--set", "simulation.duration=0.1", "--trials", 4, "--out", out) == 0
     said = capsys.readouterr()
     best = f"--config {out / 'best.toml'} --plugin {plugin}"
     assert f"(dualwinch linearise {best} --loop closed --x 25)" in said.out
     (command,) = re.findall(r"next: dualwinch (.*)", said.err)
     assert command == f"simulate {best}"
-    assert dualwinch(*command.split()) == 0
+    assert exit_code(*command.split()) == 0
     assert "spring: completed" in capsys.readouterr().out
     report = (out / "report.html").read_text(encoding="utf-8")
     commands = re.findall(r"dualwinch [^<)]*best\.toml[^<)]*", report)
@@ -185,7 +178,7 @@ def test_the_report_compares_in_the_file_of_an_ensemble_of_ones_own(
         "plant.vehicle.mass" = { uniform = [0.9, 1.1], of = "nominal" }
     """)
     words = ("--constraint", "none", "--scenarios", 2, "--trials", 64, "--out", tmp_path / "out")
-    assert dualwinch("tune", "--ensemble", mine, *words) == 0
+    assert exit_code("tune", "--ensemble", mine, *words) == 0
     (following,) = re.findall(r"next: (dualwinch compare .*)", capsys.readouterr().err)
     assert f"--ensemble '{mine}'" in following
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -198,7 +191,7 @@ def test_a_deterministic_study_with_several_objectives_has_a_front(
 ) -> None:
     words = ("--objective", "mean.mse", "--objective", "mean.continuous_load", "--space", "controller.nftsm")
     short = ("--case", 4, "--set", "simulation.duration=0.1", "--constraint", "none", "--trials", 40)
-    assert dualwinch("tune", *short, *words, "--out", tmp_path) == 0
+    assert exit_code("tune", *short, *words, "--out", tmp_path) == 0
     assert "Pareto front" in capsys.readouterr().out
     study = json.loads((tmp_path / "study.json").read_text())
     mse, load = study["trials"]["objectives"].values()
@@ -224,7 +217,7 @@ def test_an_interrupt_keeps_the_best_so_far(
         add(self, evaluations)
 
     monkeypatch.setattr(SearchStatus, "add", interrupted)
-    assert dualwinch("tune", *FEW, "--trials", 1000, "--out", tmp_path) == 130
+    assert exit_code("tune", *FEW, "--trials", 1000, "--out", tmp_path) == 130
     said = capsys.readouterr().err
     assert "interrupted; this is the best so far" in said
     assert said.endswith("interrupted; the study is kept; the same call with --resume goes on\n")
@@ -240,7 +233,7 @@ def test_gains_no_better_than_the_start_are_not_called_best(
     words = ("--space", "controller.nftsm.beta", "--constraint", "none", "--method", "stubborn")
     for module in ("study", "tune"):
         monkeypatch.setattr(f"dualwinch.tuning.{module}.first_candidates", lambda _: [])
-    assert dualwinch("tune", *short, *words, "--out", tmp_path) == 0
+    assert exit_code("tune", *short, *words, "--out", tmp_path) == 0
     said, announced = capsys.readouterr()
     assert "tuning 1 gain of fando-nftsm " in announced
     assert "the start is kept: no trial is better than the gains that the search started from (20 trials)" in said
@@ -263,7 +256,7 @@ def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_sta
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = ("--set", "controller.kind=adrc", "--set", "simulation.duration=1")
-    assert dualwinch("tune", "--case", 4, *settings, "--trials", 20, "--out", tmp_path) == 0
+    assert exit_code("tune", "--case", 4, *settings, "--trials", 20, "--out", tmp_path) == 0
     said = capsys.readouterr().out
     assert "start: adrc (estimator lowpass" in said
     assert "paper: fando-nftsm (no estimator" in said

@@ -31,6 +31,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.sweep import sweep
+from tests.lasting import lasting
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -63,10 +64,6 @@ class FirstOnly(Executor):
         if len(self.futures) == 1:
             self.futures[0].set_result(5)
         return self.futures[-1]
-
-
-def lasting(seconds: float, name: str = "sea") -> Ensemble:
-    return reset(load_ensemble(name), {"simulation.duration": seconds})
 
 
 def runs(duration: float = 0.2) -> list[Experiment]:

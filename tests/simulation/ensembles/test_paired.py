@@ -15,12 +15,12 @@ from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.settings import override
+from tests.lasting import lasting
 
 
 @pytest.fixture(scope="module")
 def sea() -> Ensemble:
-    ensemble = load_ensemble("sea")
-    return replace(ensemble, experiment=override(ensemble.experiment, {"simulation.duration": 0.3}))
+    return lasting(0.3)
 
 
 def stronger() -> Controller:

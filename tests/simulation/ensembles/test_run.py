@@ -1,7 +1,5 @@
-import gc
 import os
 import signal
-import tracemalloc
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 
@@ -9,7 +7,6 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.drivers.batch import LANES
-from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS, rollout
 from dualwinch.simulation.ensembles import run as module
@@ -23,10 +20,7 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.tuning_problem import tuning_problem
-
-
-def lasting(seconds: float) -> Ensemble:
-    return reset(load_ensemble("sea"), {"simulation.duration": seconds})
+from tests.lasting import lasting, peak_memory
 
 
 def failing(ensemble: Ensemble) -> Ensemble:
@@ -173,22 +167,13 @@ def test_scenarios_are_drawn_as_they_are_needed() -> None:
     assert len(drawn) == BLOCKS * LANES
 
 
-def peak_memory(scenarios: int, *, traces: bool) -> int:
-    ensemble = lasting(0.05)
-    gc.collect()
-    gc.freeze()  # or garbage of other tests puts off that of this one
-    tracemalloc.start()
-    try:
-        run_ensemble(ensemble, scenarios, 0, traces=traces, workers=1)
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-        gc.unfreeze()
-
-
 def test_memory_does_not_grow_beyond_the_metrics() -> None:
     run_ensemble(lasting(0.05), 4, 0, traces=False)  # imports and caches
-    few, many = peak_memory(160, traces=False), peak_memory(960, traces=False)
+    ensemble = lasting(0.05)
+    few, many = (
+        peak_memory(lambda count=count: run_ensemble(ensemble, count, 0, traces=False, workers=1))
+        for count in (160, 960)
+    )
     assert many - few < 800 * 2500
 
 

@@ -6,18 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import SUFFIXES, EnsembleResult, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN
+from tests.lasting import lasting
 
 MASS = "plant.vehicle.mass"
 
 
 @pytest.fixture(scope="module")
 def result() -> EnsembleResult:
-    return run_ensemble(reset(load_ensemble("sea"), {"simulation.duration": 0.2}), 5, 7, traces=False)
+    return run_ensemble(lasting(0.2), 5, 7, traces=False)
 
 
 def read(path: Path) -> tuple[dict[str, list[Any]], dict[str, str], dict[str, Any]]:

@@ -1,27 +1,20 @@
 """Statistics without the scenarios: those of the whole result, whatever portions they were run in."""
 
-import gc
 import json
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.ensembles.streamed import ValueStream, ensemble_statistics
 from dualwinch.simulation.metrics.metrics import metric_quantities
+from tests.lasting import lasting, peak_memory
 from tests.simulation.batch.test_workers import Remote
 
 VALUES = np.concatenate([np.random.default_rng(1).lognormal(0, 3, 3000), [-2.5, 0.0, 0.0, -1e-9, 1e200, -1e200, 7.0]])
-
-
-def lasting(seconds: float) -> Ensemble:
-    return reset(load_ensemble("sea"), {"simulation.duration": seconds})
 
 
 def test_a_stream_has_the_exact_mean_and_quantiles_within_its_accuracy() -> None:
@@ -75,20 +68,11 @@ def test_the_command_prints_and_writes_statistics_alone(tmp_path: Path, capsys: 
         main([*words, "--statistics-only", "--plot", str(tmp_path / "sea.png")])
 
 
-def peak_memory(scenarios: int) -> int:
-    gc.collect()
-    gc.freeze()
-    tracemalloc.start()
-    try:
-        ensemble_statistics(lasting(0.01), scenarios, 0, accuracy=0.2, workers=1)
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-        gc.unfreeze()
-
-
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_scenarios() -> None:
     ensemble_statistics(lasting(0.01), 4, 0)  # imports and caches
-    few, many = peak_memory(320), peak_memory(960)
+    few, many = (
+        peak_memory(lambda count=count: ensemble_statistics(lasting(0.01), count, 0, accuracy=0.2, workers=1))
+        for count in (320, 960)
+    )
     assert many - few < 640 * 500

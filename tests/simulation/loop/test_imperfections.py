@@ -127,16 +127,6 @@ def test_no_number_ends_a_controller_that_does_not_ask_for_one() -> None:
     assert round(lost.end_time / 1e-3) == first + 1
 
 
-@pytest.mark.parametrize("jitter", [0.0, 2e-4])
-def test_compiled_and_interpreted_agree(jitter: float) -> None:
-    values = ALL | {"sensors.outage_length": 0.1, "sensors.encoder_zero_1": 1e-3, "sensors.encoder_counts": 4096}
-    values |= {"controller.estimator": "calibrating-kalman", "sensors.position_drift": 1e-4}
-    experiment = imperfect(values, duration=0.3, jitter=jitter)
-    compiled, interpreted = simulate(experiment), simulate(experiment, engine="interpreter")
-    for name, column in compiled.columns.items():
-        assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
-
-
 def test_no_controller_knows_what_is_unknown() -> None:
     known, unknown = parameters_of(case(4)), parameters_of(imperfect(ALL))
     layers = {f"nominal.winch_{i}.layer_{what}" for i in (1, 2) for what in ("thickness", "laps")}

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.experiment import EngineName, Experiment
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import override
@@ -37,23 +36,6 @@ DORMANT = {
 
 def machine(values: Mapping[str, object], duration: float) -> Experiment:
     return override(case(4), {**values, "simulation.duration": duration, "simulation.substeps": 20})
-
-
-@pytest.mark.slow
-def test_lanes_and_the_interpreter_agree() -> None:
-    experiment = machine(EFFECTS, 0.1)
-    lanes = rollout([], np.zeros((1, 0)), [experiment, experiment])
-    interpreted = simulate(experiment, engine="interpreter")
-    for name, (values,) in lanes.metrics.items():
-        assert values == pytest.approx([interpreted.metrics[name]] * 2, rel=1e-6, nan_ok=True), name
-
-
-@pytest.mark.parametrize("engine", ["compiled", pytest.param("casadi", marks=pytest.mark.slow)])
-def test_compiled_and_interpreted_agree(engine: EngineName) -> None:
-    experiment = machine(EFFECTS, 0.1)
-    found, interpreted = simulate(experiment, engine=engine), simulate(experiment, engine="interpreter")
-    for name, column in found.columns.items():
-        assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
 
 
 def test_readings_lag_and_torques_come_in_steps() -> None:

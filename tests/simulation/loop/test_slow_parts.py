@@ -1,8 +1,5 @@
 """A calibration that is updated every few samples: the code between updates is the same, only shorter."""
 
-from dataclasses import replace
-from itertools import product
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -11,13 +8,11 @@ from dualwinch.analysis.operating_points import in_calm
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.exogenous.signals import exogenous_signals
-from dualwinch.simulation.experiment import EngineName, Experiment
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
-from dualwinch.simulation.simulate import simulate
-from tests.tiers import mostly_slow
 
 INTERVAL = "controller.drums.interval"
 
@@ -54,16 +49,6 @@ def test_it_is_much_shorter() -> None:
     assert loop.fast_sample is not None
     fast, whole = (hoisted(function)[1].n_instructions() for function in (loop.fast_sample, loop.sample))
     assert fast < 0.6 * whole
-
-
-@pytest.mark.parametrize(
-    ("interval", "engine"),
-    mostly_slow(product([1, 3], ["interpreter", "casadi"]), (3, "interpreter").__eq__),
-)
-def test_all_engines_agree(interval: int, engine: EngineName) -> None:
-    experiment = calibrating(interval)
-    run = simulate(replace(experiment, simulation=replace(experiment.simulation, engine=engine)))
-    assert run["x"] == pytest.approx(simulate(experiment)["x"], abs=1e-10)
 
 
 @pytest.mark.parametrize("experiment", [calibrating(1), case(4)], ids=["every sample", "no calibration"])

@@ -14,14 +14,13 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError
 from dualwinch.simulation.batch.workers import WorkerWarning, spread
-from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.toolboxes.cluster.client import ClusterExecutor, cluster_client
 from dualwinch.toolboxes.race.race import CHECKPOINTS
+from tests.lasting import lasting
 from tests.simulation.batch.test_workers import ensemble_with_own_law
 from tests.toolboxes.cluster.dask_cluster import DaskProcesses, dask_processes
 
@@ -44,10 +43,6 @@ def interruptible() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
-
-
-def lasting(seconds: float) -> Ensemble:
-    return reset(load_ensemble("sea"), {"simulation.duration": seconds})
 
 
 def command(*words: str) -> "subprocess.Popen[str]":

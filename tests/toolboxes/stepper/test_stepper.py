@@ -12,9 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dualwinch as dw
+from dualwinch.config.ensemble_file import reset
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.simulation.results.result import Result
 from dualwinch.toolboxes.stepper.stepper import SENSED, Stepper
+from tests.lasting import lasting
 from tests.own_parts import DriftFree, StateFeedback, Watched
 from tests.toolboxes.stepper.feeding import PLANT, feed, torques_of
 
@@ -32,17 +34,6 @@ GUST = dw.Signal.from_arrays([0.0, 0.2, 0.4], [0.0, 300.0, -100.0], unit="N")
 
 def short(number: int = 4, controller: str = "fando-nftsm", duration: float = 0.6, **keys: Any) -> dw.Experiment:
     return dw.override(dw.case(number, controller), {"simulation.duration": duration} | keys)
-
-
-def sea(duration: float = 0.6) -> dw.Ensemble:
-    ensemble = dw.load_ensemble("sea")
-    return replace(ensemble, experiment=dw.override(ensemble.experiment, {"simulation.duration": duration}))
-
-
-def rig(duration: float = 0.6) -> dw.Ensemble:
-    ensemble = dw.load_ensemble("rig")
-    keys = {"simulation.duration": duration, "sensors.outage_period": 0.5}
-    return replace(ensemble, experiment=dw.override(ensemble.experiment, keys))
 
 
 def assert_same_plant(ours: Result, theirs: Result) -> None:
@@ -63,7 +54,7 @@ def assert_same_plant(ours: Result, theirs: Result) -> None:
         short(4, **{"plant.rope_slack": False, "simulation.sample_time": 2e-3}),
         short(4, **NOISY),
         replace(short(4, **NOISY), disturbance=replace(short(4, **NOISY).disturbance, force=GUST)),
-        rig().scenario(2, 7).experiment,
+        reset(lasting(0.6, "rig"), {"sensors.outage_period": 0.5}).scenario(2, 7).experiment,
     ],
     ids=["slack", "rk4", "delay", "two-sided rope", "noise", "signal", "rig"],
 )
@@ -94,7 +85,7 @@ def test_the_compiled_run_differs_by_rounding_alone(exact: bool) -> None:
 
 
 def test_lane_k_is_scenario_k_of_the_seed() -> None:
-    ensemble, lanes = sea(0.3), (0, 2)
+    ensemble, lanes = lasting(0.3), (0, 2)
     runs = {}
     for lane in lanes:
         scenario = ensemble.scenario(lane, 7)
@@ -257,7 +248,7 @@ def test_a_lane_that_diverges_shows_what_was_last_finite(exact: bool) -> None:
 
 
 def test_a_fork_goes_on_by_itself() -> None:
-    stepper = Stepper(sea(), batch=4, hold=5)
+    stepper = Stepper(lasting(0.6), batch=4, hold=5)
     rng = np.random.default_rng(2)
     for _ in range(20):
         stepper.step(rng.uniform(5, 60, (4, 2)))
@@ -273,7 +264,7 @@ def test_a_fork_goes_on_by_itself() -> None:
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_one_lane_may_be_tried_in_many_ways(exact: bool) -> None:
-    stepper = Stepper(sea(), batch=20, exact=exact)
+    stepper = Stepper(lasting(0.6), batch=20, exact=exact)
     rng = np.random.default_rng(3)
     for _ in range(30):
         stepper.step(rng.uniform(5, 60, (20, 2)))
@@ -293,7 +284,7 @@ def test_one_lane_may_be_tried_in_many_ways(exact: bool) -> None:
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_some_lanes_may_be_started_anew(exact: bool) -> None:
-    ensemble = sea(0.05)
+    ensemble = lasting(0.05)
     stepper = Stepper(ensemble, batch=18, seed=5, exact=exact)
     rng = np.random.default_rng(4)
     commands = rng.uniform(5, 60, (40, 18, 2))
@@ -321,7 +312,7 @@ def test_signals_are_drawn_as_they_are_needed(monkeypatch: pytest.MonkeyPatch) -
     """However short their pages, they are those of the run."""
     monkeypatch.setattr("dualwinch.simulation.stepped_lanes.SHORTEST", 7)
     monkeypatch.setattr("dualwinch.simulation.stepped_lanes.PAGE_ROOM", 1)
-    ensemble = sea(0.1)
+    ensemble = lasting(0.1)
     stepper = Stepper(ensemble, batch=3, hold=5)
     forks = []
     for number in range(20):
@@ -450,12 +441,12 @@ def test_wrong_calls_are_named(method: str, arguments: dict[str, Any], message: 
 
 def test_other_processes_give_the_same_bits() -> None:
     program = (
-        "import numpy as np; from tests.toolboxes.stepper.test_stepper import sea, Stepper\n"
-        "stepper = Stepper(sea(0.02), batch=3, seed=4)\n"
+        "import numpy as np; from tests.toolboxes.stepper.test_stepper import Stepper, lasting\n"
+        "stepper = Stepper(lasting(0.02), batch=3, seed=4)\n"
         "for _ in range(20): observation = stepper.step(np.full((3, 2), 25.0))\n"
         "print(observation.array.tobytes().hex())"
     )
-    stepper = Stepper(sea(0.02), batch=3, seed=4)
+    stepper = Stepper(lasting(0.02), batch=3, seed=4)
     for _ in range(20):
         stepper.step(np.full((3, 2), 25.0))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -18,8 +18,6 @@ from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.motions import Setpoint
 from dualwinch.model.plant import Plant
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
@@ -109,15 +107,6 @@ def test_it_is_better_than_the_papers_law_in_vortices(paper_run) -> None:
     assert ours.metrics.chatter < paper.metrics.chatter
 
 
-@pytest.mark.slow
-def test_lanes_and_interpreter_give_the_same_run() -> None:
-    short = replace(HURRIED, simulation=replace(HURRIED.simulation, duration=0.6))
-    result, interpreted = simulate(short), simulate(short, engine="interpreter")
-    lanes = rollout(["controller.mpc.position"], [[5e-4]], [short], stride=1)
-    assert np.abs(result["x"] - interpreted["x"]).max() < 1e-9
-    assert np.abs(result["x"] - lanes.columns["x"][0, 0]).max() < 1e-9
-
-
 def test_what_it_foresees_is_the_horizon() -> None:
     law = Mpc(horizon=0.9, stages=4)
     assert len(law.preview) == 4
@@ -133,16 +122,3 @@ def test_in_single_precision_the_exported_controller_gives_nearly_the_same(tmp_p
     found = Host(library, "controller", made, "float").run(recorded(result, made))
     column = [output.name for output in made.outputs].index("u_sat")
     assert np.abs(found[:, column] - result["u_sat"]).max() < 1e-3 * 5800
-
-
-@pytest.mark.slow
-def test_runs_are_differentiated_by_its_weights() -> None:
-    names, gains = ["controller.mpc.position", "controller.mpc.speed"], np.array([[5e-4, 1e-2]])
-    smooth = override(case(4, "mpc"), {"controller.coordination.preload": 5000, "simulation.integrator": "exponential"})
-    short = replace(smooth, simulation=replace(smooth.simulation, duration=3.0))
-    found = sensitivities(names, gains, [short], stride=0).gradients["mse"][0, 0]
-    for index in range(len(names)):
-        step = np.zeros_like(gains)
-        step[0, index] = 1e-4 * gains[0, index]
-        lower, upper = rollout(names, np.vstack([gains - step, gains + step]), [short]).metrics["mse"][:, 0]
-        assert found[index] == pytest.approx((upper - lower) / (2 * step[0, index]), rel=1e-4)
