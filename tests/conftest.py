@@ -71,6 +71,15 @@ def registered_for_this_test_only() -> Iterator[None]:
         registry._parts = parts
 
 
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine on which no C compiler is found."""
+    monkeypatch.setenv("PATH", "/nonexistent/either")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv("DUALWINCH_CC", raising=False)
+    monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
+
+
 def exit_code(*words: object) -> int:
     """Run the command line; its exit code."""
     from dualwinch.cli import main

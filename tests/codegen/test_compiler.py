@@ -21,11 +21,8 @@ def test_zig_serves_where_there_is_no_other(monkeypatch: pytest.MonkeyPatch) -> 
     assert find_compiler().name == "zig"
 
 
-def test_without_any_the_error_names_two_things_that_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "/nonexistent/too")
-    monkeypatch.delenv("CC", raising=False)
-    monkeypatch.delenv("DUALWINCH_CC", raising=False)
-    monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
+@pytest.mark.usefixtures("no_compiler")
+def test_without_any_the_error_names_two_things_that_help() -> None:
     with pytest.raises(CompilerNotFoundError, match=r"install gcc or clang.*pip install 'dualwinch\[zig\]'"):
         find_compiler()
 

@@ -24,14 +24,6 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         assert word in said
 
 
-@pytest.fixture
-def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "/nonexistent/either")
-    monkeypatch.delenv("CC", raising=False)
-    monkeypatch.delenv("DUALWINCH_CC", raising=False)
-    monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
-
-
 @pytest.mark.usefixtures("no_compiler")
 def test_without_a_compiler_the_error_says_what_would_help(refused: Refused) -> None:
     words = ("simulate", "--engine", "compiled", "--set", "simulation.substeps=3", *SHORT)

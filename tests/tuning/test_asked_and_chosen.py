@@ -31,18 +31,3 @@ def test_a_file_that_names_no_estimator_takes_that_of_the_ensemble(tmp_path: Pat
 def test_what_no_run_has_is_refused(words: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError, match=r"steady_\w+: no run has it: the steady state begins at 18 s"):
         tuning_problem(case=4, **SHORT, **words)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ({"objectives": ["mean.mze"]}, "did you mean 'mse'"),
-        ({"constraints": ["worst.peak<=1"]}, "unknown metric 'peak'"),
-    ],
-)
-def test_misspelt_names_are_refused_before_the_space_is_looked_at(
-    words: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("dualwinch.tuning.tuning_problem.space_of", lambda *_: pytest.fail("the loop is built"))
-    with pytest.raises(ConfigurationError, match=message):
-        tuning_problem(case=4, **SHORT, **words)

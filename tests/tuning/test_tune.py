@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -234,20 +235,20 @@ def test_the_time_left_is_said_once_it_means_something(trials: int, said: str) -
     assert words == [f"{said}{trials} of 100 trials, 0 of 0 that ran in all scenarios feasible"]
 
 
+SHORT = "a short search: 480 trials, and 16 gains need about 1600: "
+
+
 @pytest.mark.parametrize(
-    ("trials", "seconds", "words"),
+    ("trials", "budget", "words"),
     [
-        (480, 60.0, "a short search: 480 trials, and 16 gains need about 1600: --time 4min"),
-        (480, None, "a short search: 480 trials, and 16 gains need about 1600: --trials 1600"),
-        (1600, 60.0, ""),
+        (480, (60.0,), f"{SHORT}--time 4min"),
+        (480, (None,), f"{SHORT}--trials 1600"),
+        (480, (None, 4100), f"{SHORT}--rollouts 14000"),
+        (1600, (60.0,), ""),
     ],
 )
-def test_a_search_that_is_too_short_for_its_gains_is_said_to_be(trials: int, seconds: float | None, words: str) -> None:
-    assert short_of(trials, 16, TuningOptions(), seconds) == words
-
-
-def test_a_short_search_with_a_budget_of_rollouts_is_told_how_many_would_do() -> None:
-    assert short_of(480, 16, TuningOptions(), None, 4100).endswith("need about 1600: --rollouts 14000")
+def test_a_search_that_is_too_short_for_its_gains_is_said_to_be(trials: int, budget: Any, words: str) -> None:
+    assert short_of(trials, 16, TuningOptions(), *budget) == words
 
 
 def test_an_interrupt_ends_the_search_and_the_best_so_far_is_scored(make_problem: MakeProblem) -> None:

@@ -9,43 +9,24 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.linear.modes import Mode, modes, numbered, track_modes
-from dualwinch.model.plant import Plant, plant
+from dualwinch.model.linear.modes import modes, numbered, track_modes
+from dualwinch.model.plant import plant
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes import Rope, Track
-from dualwinch.model.vehicle import Vehicle
+from dualwinch.model.ropes import Rope
 from dualwinch.model.winch import Winch
+from tests.model.linear.test_modes import named
+from tests.model.test_heavy_ropes import STIFFNESS, plant_of
 from tests.plant_points import linearise, operating_point
 
-STIFFNESS = 80e9 * 4.52e-4
-"""E A in N of Table 1."""
-
-CLAMPED = Vehicle(mass=1e15, friction_coefficient=0.0)
-"""A vehicle that nothing moves."""
-
 SITE = load_ensemble("site").experiment.plant
-
-
-def of(rope: Rope, winch: Winch, spacing: float = 0.0) -> Plant:
-    return Plant(
-        vehicle=CLAMPED,
-        track=Track(roller_spacing=spacing),
-        rope_1=rope,
-        rope_2=rope,
-        winch_1=winch,
-        winch_2=winch,
-    )
-
-
-def named(found: tuple[Mode, ...], label: str) -> Mode:
-    (mode,) = [mode for mode in found if mode.label == label]
-    return mode
 
 
 @pytest.mark.parametrize("segments", [2, 3, 8])
 def test_longitudinal_modes_are_those_of_a_lumped_bar(segments: int) -> None:
     """Fixed at the vehicle, free at a drum without inertia: c/4L, 3 c/4L with the factors of the discrete chain."""
-    heavy = of(Rope(mass_per_length=2.36, segments=segments, shortest_mass=0.0, damping=10.0), Winch(inertia=1e-6))
+    heavy = plant_of(
+        Rope(mass_per_length=2.36, segments=segments, shortest_mass=0.0, damping=10.0), Winch(inertia=1e-6)
+    )
     found = modes(linearise(0.0, plant=heavy), heavy)
     speed, length = math.sqrt(STIFFNESS / 2.36), 50.5
     for number in range(1, segments):
@@ -61,7 +42,7 @@ def test_longitudinal_modes_are_those_of_a_lumped_bar(segments: int) -> None:
 def test_rotor_and_drum_swing_on_the_gearbox_as_two_inertias_do() -> None:
     """sqrt(K (1/J1 + 1/J2)), damped by d/2K times that; the ropes all but cut."""
     winch = Winch(inertia=120.0, rotor_inertia=0.02, gear_stiffness=1.4e6, gear_damping=500.0, backlash=9e-4)
-    loose = of(Rope(modulus=1e3, damping=0.0), winch)
+    loose = plant_of(Rope(modulus=1e3, damping=0.0), winch)
     point = operating_point(25.0, plant=loose)
     omega = math.sqrt(1.4e6 * (1 / 120 + 1 / (36**2 * 0.02)))
     for mode in modes(linearise(25.0, plant=loose), loose):
@@ -77,7 +58,7 @@ def test_rotor_and_drum_swing_on_the_gearbox_as_two_inertias_do() -> None:
 def test_a_slow_torque_sees_ernsts_modulus(tension: float, span: float) -> None:
     """The drum's turn by a lasting torque, with the vehicle held."""
     rope = Rope(submerged_weight=20.2, added_mass_per_length=2.96)
-    sagging = of(rope, Winch(), spacing=span)
+    sagging = plant_of(rope, Winch(), spacing=span)
     system = linearise(25.0, 0.0, 2 * tension, sagging, tension_min=50.0, tension_max=2e4)
     held = [k for k, name in enumerate(system.states) if name not in {"x", "v"}]
     turn = -np.linalg.solve(system.A[np.ix_(held, held)], system.B[held, 0])[held.index(system.states.index("theta_1"))]
@@ -88,7 +69,7 @@ def test_a_slow_torque_sees_ernsts_modulus(tension: float, span: float) -> None:
 def test_the_sag_of_a_rope_has_its_mode() -> None:
     """Of one span between a fixed drum and a fixed vehicle: string of one term, stiffened by the rope's stretch."""
     rope, span, tension = Rope(submerged_weight=20.2, added_mass_per_length=2.96, damping=0.0), 1.0, 3000.0
-    held = of(rope, Winch(inertia=1e12), spacing=span)
+    held = plant_of(rope, Winch(inertia=1e12), spacing=span)
     found = modes(linearise(25.0, 0.0, 2 * tension, held, tension_max=2e4), held)
     depth = 20.2 * span**2 / (8 * tension)
     string = 16 / 3 * tension / span**2 + (16 / 3 * depth / span**2) ** 2 * STIFFNESS

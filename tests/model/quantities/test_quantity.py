@@ -6,7 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, behind_number, nearest
+from dualwinch.model.quantities.quantity import (
+    MOST_LISTED,
+    Leaf,
+    Mark,
+    Quantity,
+    behind_number,
+    nearest,
+    suggestion,
+    unknown,
+)
 from dualwinch.simulation.settings import known_keys
 
 SIZE = Leaf("inner.size", Quantity("m", "size", "Table 1"), float, constraints=(at.Gt(0), at.Le(2)))
@@ -108,3 +117,29 @@ def test_the_nearest_key_is_one_of_the_same_section() -> None:
 
 def test_a_pure_number_has_nothing_behind_it() -> None:
     assert f"3{behind_number('1')} 3{behind_number('N m')}" == "3 3 N m"
+
+
+def test_long_lists_are_cut_to_the_nearest() -> None:
+    many = [f"name_{number}" for number in range(MOST_LISTED + 1)]
+    assert unknown("name", "nam_3", many).startswith(
+        "unknown name 'nam_3'; did you mean 'name_3'? The nearest of 25 are"
+    )
+    assert suggestion("nam_3", many[:2]) == "did you mean 'name_1'? Must be one of name_0, name_1"
+    assert suggestion("anything", []) == "there is none"
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("foo", ["controller.observer.kf", "plant.vehicle.mass"]),
+        ("controller.observer.l0", ["plant.track.tilt", "plant.vehicle.mass"]),
+        ("nope", ["fando-nftsm", "rbf-sliding-mode"]),
+        ("5", ["1", "2", "3", "4"]),
+        ("name", ["plant.rope_2.diameter"]),
+        ("", ["x"]),
+    ],
+)
+def test_a_name_that_is_far_from_all_is_not_guessed(name: str, known: list[str]) -> None:
+    assert suggestion(name, known) == f"must be one of {', '.join(known)}"
+    many = known + [f"key_{number}" for number in range(100, 200)]
+    assert suggestion(name, many, "; see the list").startswith(f"the nearest of {len(many)} are ")
