@@ -116,4 +116,4 @@ def test_gradients_are_those_of_central_differences(name: str) -> None:
     for metric in metrics:
         above, below = around.metrics[metric][:, 0].reshape(2, -1)
         expected = (above - below) / (2e-4 * values)
-        np.testing.assert_allclose(slopes.gradients[metric][0, 0], expected, rtol=2e-4, err_msg=metric)
+        np.testing.assert_allclose(slopes.gradients[metric][0, 0], expected, rtol=1e-4, err_msg=metric)

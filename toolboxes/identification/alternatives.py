@@ -84,7 +84,7 @@ def _is_sound(fit: FittedModel) -> bool:
 
 
 def _is_other_machine(fit: FittedModel, screening: LogScreening) -> bool:
-    """Whether a fit needs large unrecorded torques or noise and no delay is likelier: no further effect helps."""
+    """Whether a fit needs large unrecorded torques or noise and no delay is likelier: no force on the vehicle helps."""
     if isinstance(fit.refusal, UnrecordedForceError) or not (fit.refusal or fit.remarks):
         return False
     return "torque-delay" not in screening.kinds or (
@@ -214,7 +214,7 @@ class WinchesAndRopes(BuiltIn):
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
         """One with all of them, if innovations are coloured, or logs show other vortices."""
         model = fit.model
-        if self.kind in model.kinds or not model.options.search.nuisance_share or _needs_nothing(fit, screening):
+        if self.kind in model.kinds or not model.options.search.nuisance_share or _explains(fit, screening):
             return
         experiment = with_drum_friction(fit.experiment, model.options.search)
         yield model.extended(self.kind, experiment, _nuisances(experiment, fit, screening))
@@ -230,7 +230,9 @@ class UndescribedSea(BuiltIn):
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
         """One with a moderate sea, whose vortices have the kind of phase that logs show."""
         model, search = fit.model, fit.model.options.search
-        if self.kind in model.kinds or not search.nuisance_share or _needs_nothing(fit, screening):
+        if self.kind in model.kinds or not search.nuisance_share or _explains(fit, screening):
+            return
+        if _is_other_machine(fit, screening):
             return
         experiment = with_sea(fit.experiment, search)
         integrated = screening.integrated_phase(experiment, model.options)
@@ -350,11 +352,9 @@ ALTERNATIVES: parts.Registry[Alternative] = parts.Registry(
 """All alternatives, in the order in which they are tried."""
 
 
-def _needs_nothing(fit: FittedModel, screening: LogScreening) -> bool:
-    """Whether a fit explains the logs, or they are of another machine."""
-    if _is_sound(fit):
-        return UndescribedSea.kind not in screening.kinds or not screening.other_vortices(fit)
-    return _is_other_machine(fit, screening)
+def _explains(fit: FittedModel, screening: LogScreening) -> bool:
+    """Whether a fit explains the logs: it is sound, and they show no other vortices."""
+    return _is_sound(fit) and (UndescribedSea.kind not in screening.kinds or not screening.other_vortices(fit))
 
 
 def _nuisances(experiment: Experiment, fit: FittedModel, screening: LogScreening) -> tuple[UnknownParameter, ...]:

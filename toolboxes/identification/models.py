@@ -182,6 +182,18 @@ class FittedModel:
                 "are averages of both"
             )
         yield from self._sea_of_another_size(described)
+        yield from self._conflicts()
+
+    def _conflicts(self) -> Iterator[str]:
+        """A note on each nuisance parameter that conflicts with its prior (`contradicts`)."""
+        deviations = self.method.options.search.contradiction
+        values = dict(zip((each.key for each in self.method.unknowns), self.estimate.values.tolist(), strict=True))
+        for each in self.model.nuisances:
+            if each.prior and self.contradicts(each.key, deviations):
+                yield (
+                    f"{each.key} = {values[each.key]:.4g} is far from what was expected, {each.prior.mean:.3g} ± "
+                    f"{each.prior.deviation:.3g} {each.unit}: it may stand for something that the model lacks"
+                )
 
     def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:
         """A note on each described disturbance with a clearly different size in the logs."""

@@ -153,6 +153,18 @@ def test_a_delay_that_arx_models_do_not_show_is_the_likeliest(monkeypatch: pytes
 
 
 @pytest.mark.slow
+def test_a_drum_of_twice_the_described_inertia_is_another_one_and_no_other_machine() -> None:
+    short = machine(simulation__duration=6.0)
+    log = logged(override(short, {"plant.winch_1.inertia": 3.6}))
+    found = identify([log], ["plant.vehicle.mass"], short, alternatives=["winches-and-ropes", "torque-delay"])
+    assert abs(found.values[0] - 1e4) < 3 * found.deviations[0] < 1000
+    inertia, deviation = found.along["plant.winch_1.inertia"]
+    assert abs(inertia - 3.6) < 4 * deviation < 0.1
+    (note,) = (note for note in found.notes if "from what was expected" in note)
+    assert note.startswith(f"plant.winch_1.inertia = {inertia:.4g} is far from what was expected, 1.8 ± 0.54 kg m^2: ")
+
+
+@pytest.mark.slow
 def test_a_log_cut_out_of_a_run_is_fitted_by_encoders_alone() -> None:
     whole = logged(machine(simulation__duration=40.0)).from_zero()
     cut = whole.rows(whole.t >= 20.0)
