@@ -196,12 +196,12 @@ class TorqueDelay(BuiltIn):
             samples = [samples[place] for place in np.argsort(deviances)]
         described = screening.described.simulation.delay_samples
         for each in samples:
-            model = replace(fit.model, experiment=delayed(experiment, each))
+            model, other = fit.model, delayed(experiment, each)
             if each != described:
-                yield fit.model.extended(self.kind, model.experiment, further=self.kind not in fit.model.kinds)
-            elif self.kind in fit.model.kinds:
+                yield model.extended(self.kind, other, further=self.kind not in model.kinds)
+            elif self.kind in model.kinds:
                 kinds = tuple(kind for kind in model.kinds if kind != self.kind)
-                yield replace(model, kinds=kinds, further=model.further - 1)
+                yield replace(model, experiment=other, kinds=kinds, further=model.further - 1)
 
 
 @dataclass(frozen=True)

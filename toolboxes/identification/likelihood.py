@@ -76,7 +76,6 @@ class PollResult:
         length: of the move there, the largest component along a direction, in standard deviations.
         newton: whether it is the end of a Newton step.
         curvatures: (p,) of half the deviance along the directions; 1 is that of least squares, NaN unknown.
-        fall: of the deviance from the point that was polled from to the likeliest neighbour.
     """
 
     at: Floats
@@ -84,7 +83,6 @@ class PollResult:
     length: float
     newton: bool
     curvatures: Floats
-    fall: float
 
 
 @dataclass(frozen=True)
@@ -292,7 +290,6 @@ class Likelihood:
             length=length,
             newton=best == 0,
             curvatures=np.where(inside & np.isfinite(curvatures), curvatures, np.nan),
-            fall=here - float(min(deviances[1:])),
         )
 
     def ascend(
