@@ -286,7 +286,8 @@ class VortexAmplitude(BuiltIn):
         if amplitude is None or self.kind in fit.model.kinds:
             return
         if not (
-            fit.contradicts(AMPLITUDE, search.contradiction)
+            fit.is_at_bound(AMPLITUDE)
+            or fit.conflict(AMPLITUDE) > search.contradiction
             or screening.amplitude_is_contradicted(fit.experiment, fit.model.options)
         ):
             return

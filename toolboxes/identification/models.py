@@ -185,17 +185,28 @@ class FittedModel:
         yield from self._conflicts()
 
     def _conflicts(self) -> Iterator[str]:
-        """A note on each nuisance parameter that is further from its prior's mean than `SearchOptions.contradiction`.
-
-        At a bound it may be near: drums without friction.
-        """
-        values = dict(zip((each.key for each in self.method.unknowns), self.estimate.values.tolist(), strict=True))
+        """A note on each nuisance parameter that contradicts its prior by `SearchOptions.contradiction`."""
         for each in self.model.nuisances:
-            value, reach = values[each.key], self.method.options.search.contradiction
-            if each.prior and abs(value - each.prior.mean) > reach * each.prior.deviation:
-                yield (
-                    f"{each.key} = {value:.4g} is far from what was expected, {each.prior.mean:.3g} ± "
-                    f"{each.prior.deviation:.3g} {each.unit}: it may stand for something that the model lacks"
+            if self.conflict(each.key) > self.method.options.search.contradiction:
+                yield f"{self._far(each)}: it may stand for something that the model lacks"
+
+    def _far(self, nuisance: UnknownParameter) -> str:
+        value, prior = self.estimate.values[self._index(nuisance.key)], nuisance.prior
+        expected = f"{prior.mean:.3g} ± {prior.deviation:.3g} {nuisance.unit}" if prior else ""
+        return f"{nuisance.key} = {value:.4g} is far from what was expected, {expected}"
+
+    def check_priors(self) -> None:
+        """Refuse nuisance parameters that their priors make improbable (Box's prior predictive check).
+
+        Raises:
+            ImplausibleFitError: the probability of such an estimate is below `PlausibilityOptions.improbable`.
+        """
+        for each in self.model.nuisances:
+            probability = math.erfc(self.conflict(each.key) / math.sqrt(2))
+            if probability < self.method.options.plausibility.improbable:
+                raise ImplausibleFitError(
+                    f"{self.method.filters.sections[0].name}: {self._far(each)}: it is of another machine; if not, "
+                    f"describe {each.key} or estimate it (--fit {each.key})"
                 )
 
     def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:
@@ -245,15 +256,26 @@ class FittedModel:
         around = [spread + np.outer(each - mean, each - mean) for each, spread in zip(means, spreads, strict=True)]
         return mean, np.average(around, axis=0, weights=self.weights)
 
-    def contradicts(self, key: str, deviations: float) -> bool:
-        """Whether the logs contradict the prior of an unknown: at a bound, or off by many expected `deviations`."""
-        index = {each.key: number for number, each in enumerate(self.method.unknowns)}.get(key)
-        if index is None or not (unknown := self.method.unknowns[index]).prior:
-            return False
+    def _index(self, key: str) -> int:
+        return [each.key for each in self.method.unknowns].index(key)
+
+    def conflict(self, key: str) -> float:
+        """Distance of an estimate from its prior's mean, in deviations of the prior prediction of that estimate.
+
+        That has the variance of the prior less that of the estimate (Box, J. R. Stat. Soc. A 143 (1980) 383); 0: no
+        prior, or the logs say nothing on it.
+        """
+        index = self._index(key)
+        prior = self.method.unknowns[index].prior
         variance = covariance_of(self.estimate.information, self.method.unknowns)[index, index]
-        error, value = self.estimate.values[index] - unknown.prior.mean, self.estimate.values[index]
-        expected = math.sqrt(max(unknown.prior.deviation**2 - variance, 0.0))
-        return not unknown.lower < value < unknown.upper or abs(error) > deviations * expected
+        if prior is None or variance >= prior.deviation**2:
+            return 0.0
+        return abs(self.estimate.values[index] - prior.mean) / math.sqrt(prior.deviation**2 - variance)
+
+    def is_at_bound(self, key: str) -> bool:
+        """Whether an estimate is at an end of its range."""
+        unknown, value = self.method.unknowns[self._index(key)], self.estimate.values[self._index(key)]
+        return not unknown.lower < value < unknown.upper
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ class SearchOptions:
     range_factor: Annotated[Factor, Quantity("1", "range of a parameter, in its scale or prior deviation")] = 10.0
     typical: TypicalSizes = field(default_factory=TypicalSizes)
     nuisance_share: Annotated[
-        float, Ge(0), Quantity("1", "prior deviation of inertia and damping as additional parameters; 0: not estimated")
+        float, Ge(0), Quantity("1", "prior deviation of inertias as additional parameters; 0: none are estimated")
     ] = 0.3
     strouhal_share: Annotated[
         quantities.Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")
@@ -209,7 +209,10 @@ class SearchOptions:
         quantities.Positive,
         Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope"),
     ] = 0.02
-    friction_share: Annotated[quantities.Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
+    dissipation_share: Annotated[
+        quantities.Positive,
+        Quantity("1", "prior deviation of friction and damping, which hardly anyone knows, over themselves"),
+    ] = 1.0
     load_cell_lag: Annotated[
         quantities.Positive,
         Quantity("s", "shortest lag of load cells tried if none is described; each next is twice as long"),
@@ -324,6 +327,10 @@ class DiagnosticsOptions:
 @dataclass(frozen=True)
 class PlausibilityOptions:
     """Limits beyond which a log is refused as another machine's."""
+
+    improbable: Annotated[
+        Share, Quantity("1", "probability by its prior below which the estimate of a nuisance parameter is refused")
+    ] = 1e-6
 
     max_unrecorded: Annotated[
         quantities.Positive,

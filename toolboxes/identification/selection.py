@@ -51,7 +51,7 @@ def _likeliest_of(
     searches: Iterable[Callable[[], ParameterEstimate]],
     check: Callable[[ParameterEstimate], Sequence[str]],
 ) -> FittedModel:
-    """A model with the likeliest estimate of several searches, and what a check says of that.
+    """A model with the likeliest estimate of several searches, and what checks of it and its priors say.
 
     Raises:
         DivergedFilterError: the filter diverges in every search.
@@ -67,9 +67,11 @@ def _likeliest_of(
     best, *optima = sorted(estimates, key=lambda each: each.deviance)
     fit = FittedModel(model, method, best, tuple(optima))
     try:
-        return replace(fit, remarks=tuple(check(best)))
+        remarks = tuple(check(best))
+        fit.check_priors()
     except ImplausibleFitError as error:
         return replace(fit, refusal=error)
+    return replace(fit, remarks=remarks)
 
 
 @dataclass

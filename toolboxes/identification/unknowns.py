@@ -244,8 +244,8 @@ def nuisance_parameters(
             key == AMPLITUDE and has_vortex_states(experiment)
         ):
             continue
-        usual = options.friction_share if key.endswith("coulomb_friction") else options.nuisance_share
-        share = shares.get(key, usual)
+        is_dissipation = key.endswith((".coulomb_friction", ".damping"))
+        share = shares.get(key, options.dissipation_share if is_dissipation else options.nuisance_share)
         if not share:
             continue
         reach = 1 + options.range_factor * share
