@@ -51,7 +51,6 @@ class GateState:
     """State of the gate of one measurement."""
 
     mean: Annotated[Scalar, Quantity("1", "fading mean of the innovation, in its unit"), Mark.BOOKKEEPING] = 0.0
-    followed: Annotated[Scalar, Quantity("1", "the part of it that the estimate followed"), Mark.BOOKKEEPING] = 0.0
     rejected: Annotated[Scalar, Quantity("1", "1 where the last measurement was rejected"), Mark.BOOKKEEPING] = 0.0
 
 
@@ -62,8 +61,13 @@ class Gates:
     position: GateState = field(default_factory=GateState)
     speed: GateState = field(default_factory=GateState)
     held: Annotated[Scalar, Quantity("s", "time since which the position is improbable"), Mark.BOOKKEEPING] = 0.0
+    followed: Annotated[
+        Scalar, Quantity("m/s", "part of the wheel's innovations that the estimate followed"), Mark.BOOKKEEPING
+    ] = 0.0
     wheel: Annotated[Scalar, Quantity("m/s", "fading mean of the wheel's innovation"), Mark.BOOKKEEPING] = 0.0
-    drums: Annotated[Scalar, Quantity("m/s", "that of the speed of both drums' rims"), Mark.BOOKKEEPING] = 0.0
+    rope: Annotated[Scalar, Quantity("m/s", "that of the speed by the tighter rope"), Mark.BOOKKEEPING] = 0.0
+    last_1: Annotated[Scalar, Quantity("m", "position by encoder 1 in the last sample"), Mark.BOOKKEEPING] = 0.0
+    last_2: Annotated[Scalar, Quantity("m", "position by encoder 2 in the last sample"), Mark.BOOKKEEPING] = 0.0
 
 
 class Witness(NamedTuple):
@@ -73,11 +77,13 @@ class Witness(NamedTuple):
         off: its position beyond the predicted one in m.
         taut: whether its rope is taut.
         spread: variance in m² of the lasting error of its position.
+        pull: tension of its rope in N.
     """
 
     off: Scalar
     taut: Scalar
     spread: Scalar
+    pull: Scalar
 
 
 def chi_square_quantile(false_alarm: float) -> float:
@@ -120,8 +126,7 @@ def gated(
     mean = state.mean + memory * (clip(innovation, -bound, bound) - state.mean)
     of_mean = memory / (2 - memory) * used + lasting
     rejected = either(is_improbable(innovation, variance, false_alarm), is_improbable(mean, of_mean, false_alarm))
-    followed = state.followed + memory * (innovation - state.followed)
-    return GateState(mean, where(rejected, 0.0, followed), rejected)
+    return GateState(mean, rejected)
 
 
 def position_gated(

@@ -282,7 +282,7 @@ def witnesses(
     lengths = rope_lengths(state.x, nominal.track)
     for side, length, (F, theta), spread in zip(nominal.sides, lengths, measured, spreads, strict=True):
         wound = side.winch.drum_radius * theta - F * compliance(length, kelvin_voigt(side.rope))
-        encoders.append(Witness(side.direction * wound - state.x, taut < F, spread))
+        encoders.append(Witness(side.direction * wound - state.x, taut < F, spread, F))
     return encoders[0], encoders[1]
 
 
@@ -329,32 +329,25 @@ def filter_motion(
     position, *drums = _information(gains)
     total, now = position + sum(drums), timely(state, measurement, gains, nominal)
     gain, predicted = kalman_gain(gains, context.sample_time), state
-    of_position = now.x - state.x
+    of_position, encoders = now.x - state.x, witnesses(state, now, nominal, context, (0.0, 0.0))
     if isinstance(state.gates, Gates):
         of_position = where(state.gates.position.rejected, 0.0, of_position)
         if gains.speed_sensor:
             predicted, gain = with_gated_speed(
-                state, gain, now.v, rim_speed(now, nominal), is_confirmed, gains, gate, context.sample_time
+                state, gain, now.v, encoders, is_confirmed, gains, gate, context.sample_time
             )
     of_x = position / total * of_position
-    for information, encoder in zip(drums, witnesses(state, now, nominal, context, (0.0, 0.0)), strict=True):
+    for information, encoder in zip(drums, encoders, strict=True):
         of_x += information / total * where(encoder.taut, encoder.off, 0.0)
     innovations = of_x, gains.speed_innovation(now.v, predicted.v)
     return corrected(predicted, measurement, innovations, gain, gains, nominal, context.sample_time)
-
-
-def rim_speed(measurement: Measurement, nominal: Plant) -> Scalar:
-    """Mean speed in m/s of both drums' rims, in the direction of the track."""
-    side_1, side_2 = nominal.sides
-    rim_1 = side_1.direction * side_1.winch.drum_radius * measurement.omega_1
-    return (rim_1 + side_2.direction * side_2.winch.drum_radius * measurement.omega_2) / 2
 
 
 def with_gated_speed(
     state: KalmanState,
     gain: Matrix,
     reading: Scalar,
-    drum_speed: Scalar,
+    encoders: tuple[Witness, Witness],
     is_confirmed: Scalar,
     gains: KalmanGains,
     gate: GateGains,
@@ -363,41 +356,54 @@ def with_gated_speed(
 ) -> tuple[KalmanState, Matrix]:
     """The state with its gates after the wheel's reading in m/s, and the gain with the wheel or without.
 
-    The wheel is rejected only where the encoders confirm the prediction, and not after a push, which changes the mean
-    speed of both drums' rims in m/s as well: it is improbable then, and nearer to the wheel than to the prediction. Of
-    the speed, whose gain on its innovation is the gate's memory, what the estimate followed of the wheel is taken back,
-    of the disturbance in proportion. The spread is the variance of the reading's lasting error.
+    The wheel is rejected only where the encoders confirm the prediction, and not after a push, which stretches the
+    ropes: the vehicle's speed by the tighter one, its encoder and its load cell, is improbable then, and nearer to the
+    wheel's than to the prediction. (A rope that sags follows a push only later.) Of the speed, whose gain on its
+    innovation is the gate's memory, what the estimate followed of the wheel is taken back, of the disturbance in
+    proportion. The spread is the variance of the reading's lasting error.
     """
-    noise = gains.speed_noise**2
+    gates, innovation, (encoder_1, encoder_2) = state.gates, reading - state.v, encoders
     complete, coasting = (steady_filter(gains, sample_time, speed_sensor=there) for there in (True, False))
     (_, _), (_, memory), (_, of_d) = complete.gain
-    used = complete.speed_variance + noise
+    used = complete.speed_variance + gains.speed_noise**2
     speed = gated(
-        state.gates.speed,
-        reading - state.v,
+        gates.speed,
+        innovation,
         used=used,
-        unused=coasting.speed_variance + noise + spread,
+        unused=coasting.speed_variance + gains.speed_noise**2 + spread,
         lasting=0.0,
         memory=memory,
         false_alarm=gate.false_alarm,
     )
-    wheel = state.gates.wheel + memory * (reading - state.v - state.gates.wheel)
-    drums = state.gates.drums + memory * (drum_speed - state.v - state.gates.drums)
-    is_pushed = both(is_improbable(drums, used, gate.false_alarm), absolute(wheel - drums) < absolute(drums))
-    is_confirmed = both(is_confirmed, 1 - is_pushed)
-    rejected = both(speed.rejected, is_confirmed)
-    back = where(rejected, state.gates.speed.followed, 0.0)
+    here_1, here_2 = state.x + encoder_1.off, state.x + encoder_2.off
+    displacement = where(encoder_1.pull > encoder_2.pull, here_1 - gates.last_1, here_2 - gates.last_2)
+    rope = gates.rope + memory * (displacement / sample_time - state.v - gates.rope)
+    wheel = gates.wheel + memory * (innovation - gates.wheel)
+    is_moved = is_improbable(rope, memory / (2 - memory) * used, gate.false_alarm)
+    is_pushed = both(is_moved, absolute(wheel - rope) < absolute(rope))
+    rejected = both(speed.rejected, both(is_confirmed, 1 - is_pushed))
+    followed = gates.followed + memory * (innovation - gates.followed)
+    back = where(rejected, gates.followed, 0.0)
     learnt = back * of_d / memory
     gain = tuple(
         (where(rejected, alone, of_x), where(rejected, 0.0, of_v))
         for (of_x, of_v), (alone,) in zip(gain, coasting.gain, strict=True)
+    )
+    following = replace(
+        gates,
+        speed=replace(speed, rejected=rejected),
+        followed=where(rejected, 0.0, followed),
+        wheel=wheel,
+        rope=rope,
+        last_1=here_1,
+        last_2=here_2,
     )
     predicted = replace(
         state,
         v=state.v - back,
         d=state.d - learnt,
         rate=state.rate - gains.ramp * gains.bandwidth * learnt,
-        gates=replace(state.gates, speed=replace(speed, rejected=rejected), wheel=wheel, drums=drums),
+        gates=following,
     )
     return predicted, gain
 

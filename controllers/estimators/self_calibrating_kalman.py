@@ -18,6 +18,7 @@ precision with the frame of the position sensor.
   with the gain for these. Both gains depend on parameters alone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar
 
@@ -48,7 +49,6 @@ from dualwinch.controllers.estimators.kalman import (
     corrected,
     initial_motion,
     kalman_gain,
-    rim_speed,
     timely,
     with_gated_speed,
 )
@@ -342,7 +342,8 @@ class SelfCalibratingKalman(MotionFilter):
         predicted, is_confirmed = state.motion, 1.0
         if isinstance(predicted.gates, Gates):
             innovation_of_x = where(alive, reading.x + way - x, 0.0)
-            gates, is_confirmed = self._position_gated(predicted.gates, innovation_of_x, state, drums, sample_time)
+            witnesses = self._witnesses(state, drums)
+            gates, is_confirmed = self._position_gated(predicted.gates, innovation_of_x, witnesses, sample_time)
             reading = replace(reading, trusted=1 - gates.position.rejected)
             predicted = replace(predicted, gates=gates)
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
@@ -363,7 +364,7 @@ class SelfCalibratingKalman(MotionFilter):
                 predicted,
                 gain,
                 now.v / wheel_scale,
-                rim_speed(now, context.nominal),
+                self._witnesses(state, drums),
                 is_confirmed,
                 self.kalman,
                 self.trust,
@@ -389,25 +390,25 @@ class SelfCalibratingKalman(MotionFilter):
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
         return following, self._output_type()(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
+    def _witnesses(self, state: SelfCalibratingState, drums: tuple[Drum, Drum]) -> tuple[Witness, Witness]:
+        """The calibrated encoders of this sample."""
+
+        def witness(known: EncoderKnowledge, drum: Drum) -> Witness:
+            off = drum_position(known, drum, self.drums, self.kalman.position_noise) - state.motion.x
+            return Witness(off, drum.taut, self.kalman.position_noise**2 * known.gathered.variance, drum.pull)
+
+        return witness(state.encoder_1, drums[0]), witness(state.encoder_2, drums[1])
+
     def _position_gated(
-        self,
-        gates: Gates,
-        innovation: Scalar,
-        state: SelfCalibratingState,
-        drums: tuple[Drum, Drum],
-        sample_time: Scalar,
+        self, gates: Gates, innovation: Scalar, encoders: Sequence[Witness], sample_time: Scalar
     ) -> tuple[Gates, Scalar]:
         """The gates after the innovation in m of the position sensor, and whether encoders confirm the prediction."""
-        noise, encoders = self.kalman.position_noise, []
-        for drum, known in zip(drums, (state.encoder_1, state.encoder_2), strict=True):
-            off = drum_position(known, drum, self.drums, noise) - state.motion.x
-            encoders.append(Witness(off, drum.taut, noise**2 * known.gathered.variance))
         return position_gated(
             gates,
             innovation,
             encoders,
             self.trust,
-            sensor=noise**2,
+            sensor=self.kalman.position_noise**2,
             encoder=self.kalman.encoder_noise**2,
             memory=sample_time / self.trust.fault_time,
             sample_time=sample_time,
