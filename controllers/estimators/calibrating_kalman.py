@@ -17,7 +17,6 @@ from typing import Annotated, ClassVar
 from dualwinch.controllers.estimators.innovation_gate import GateGains, Gates
 from dualwinch.controllers.estimators.kalman import (
     TAUT,
-    GatedMotion,
     KalmanEstimate,
     KalmanState,
     MotionFilter,
@@ -105,11 +104,6 @@ class CalibratingEstimate(KalmanEstimate):
 
 
 @dataclass(frozen=True)
-class GatedCalibratingEstimate(CalibratingEstimate, GatedMotion):
-    """Output of the filter with a gate."""
-
-
-@dataclass(frozen=True)
 class CalibratingKalman(MotionFilter):
     """The filter, its calibration and its gate."""
 
@@ -152,9 +146,8 @@ class CalibratingKalman(MotionFilter):
         motion, estimate = filter_motion(
             motion, measurement, self.kalman, with_ropes(nominal, *drums), context, self.trust, is_confirmed
         )
-        output = GatedCalibratingEstimate if isinstance(estimate, GatedMotion) else CalibratingEstimate
         learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
-        return CalibratingState(motion, rope_1, rope_2), output(**vars(estimate) | learnt)
+        return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)
 
     def informed(
         self, state: CalibratingState, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context

@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple
 import annotated_types as at
 
 from dualwinch.model.quantities.quantity import Mark, Positive, Quantity
-from dualwinch.model.scalar import Scalar, both, clip, either, sqrt, where
+from dualwinch.model.scalar import Scalar, both, clip, either, minimum, sqrt, where
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class GateGains:
         ),
         Mark.SHAPES_CODE,
         Mark.GATE,
-    ] = 0.0
+    ] = 1e-6
     hold_time: Annotated[
         Positive,
         Quantity("s", "longest time for which the gate does without the position sensor", "assumption"),
@@ -60,7 +60,7 @@ class Gates:
 
     position: GateState = field(default_factory=GateState)
     speed: GateState = field(default_factory=GateState)
-    held: Annotated[Scalar, Quantity("s", "time since which the position is improbable"), Mark.BOOKKEEPING] = 0.0
+    agreed: Annotated[Scalar, Quantity("s", "time for which the position may be rejected"), Mark.BOOKKEEPING] = 0.0
     followed: Annotated[
         Scalar, Quantity("m/s", "part of the wheel's innovations that the estimate followed"), Mark.BOOKKEEPING
     ] = 0.0
@@ -142,8 +142,9 @@ def position_gated(
 ) -> tuple[Gates, Scalar]:
     """The gates after a reading of the position sensor, and whether the prediction is confirmed.
 
-    A position is rejected for at most `GateGains.hold_time`, and only while both encoders confirm the prediction: two
-    of three that measure the same are right.
+    A position is rejected only while both encoders confirm the prediction: two of three that measure the same are
+    right. As positions calibrate the encoders, one is rejected no longer than they agreed with the prediction before,
+    and for at most `GateGains.hold_time`: a start in a wrong position is no fault of the sensor.
 
     Args:
         gates: before the reading.
@@ -169,8 +170,12 @@ def position_gated(
         memory=memory,
         false_alarm=gains.false_alarm,
     )
-    improbable = both(confirmed, gate.rejected)
-    is_over = gates.held >= gains.hold_time  # until the encoders have learnt the position
-    held = where(is_over, gates.held, where(improbable, gates.held + sample_time, 0.0))
-    rejected, held = both(improbable, 1 - is_over), where(gate.rejected, held, 0.0)
-    return replace(gates, position=replace(gate, rejected=rejected), held=held), both(confirmed, 1 - is_over)
+    rejected = both(both(confirmed, gate.rejected), gates.agreed > 0)
+    agreed = where(
+        rejected,
+        gates.agreed - sample_time,
+        where(gate.rejected, 0.0, minimum(gates.agreed + sample_time, gains.hold_time)),
+    )
+    is_believed = both(gate.rejected, 1 - rejected)
+    following = replace(gates, position=replace(gate, rejected=rejected), agreed=agreed)
+    return following, both(confirmed, 1 - is_believed)

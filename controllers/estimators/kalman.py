@@ -149,12 +149,6 @@ class KalmanEstimate(Estimate):
     x_est: Annotated[Scalar, Quantity("m", "estimated position")] = 0.0
     v_est: Annotated[Scalar, Quantity("m/s", "estimated speed")] = 0.0
     d_est: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration, regardless of compensation")] = 0.0
-
-
-@dataclass(frozen=True)
-class GatedMotion(KalmanEstimate):
-    """Output of the filter with a gate."""
-
     position_used: Annotated[Scalar, Quantity("1", "1 where the reading of the position sensor is accepted")] = 1.0
     speed_used: Annotated[Scalar, Quantity("1", "1 where the reading of the speed sensor is accepted")] = 1.0
 
@@ -440,7 +434,6 @@ def corrected(
     better = {"x": x, "v": v, "d": gains.compensation * d, "x_est": x, "v_est": v, "d_est": d}
     if isinstance(gates := state.gates, Gates):
         better |= {"position_used": 1 - gates.position.rejected, "speed_used": 1 - gates.speed.rejected}
-        return following, GatedMotion(**vars(measurement) | better)
     return following, KalmanEstimate(**vars(measurement) | better)
 
 

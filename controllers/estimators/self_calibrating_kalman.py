@@ -138,7 +138,6 @@ class SelfCalibratingEstimate(KalmanEstimate):
     excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_2")] = 0.0
     fault_1: Annotated[Scalar, Quantity("1", "probability of a fault of encoder 1: 0 trusted, 1 left out")] = 0.0
     fault_2: Annotated[Scalar, Quantity("1", "probability of a fault of encoder 2: 0 trusted, 1 left out")] = 0.0
-    position_used: Annotated[Scalar, Quantity("1", "1 where the reading of the position sensor is accepted")] = 1.0
 
 
 @dataclass(frozen=True)
@@ -164,13 +163,6 @@ class LateEstimate(SiteEstimate):
     delay_2: Annotated[Scalar, Quantity("s", "learnt delay beyond the assumed one, by encoder 2")] = 0.0
     delay_1_sd: Annotated[Scalar, Quantity("s", "standard deviation of delay_1")] = 0.0
     delay_2_sd: Annotated[Scalar, Quantity("s", "standard deviation of delay_2")] = 0.0
-
-
-@dataclass(frozen=True)
-class GatedEstimate(LateEstimate):
-    """Output of the filter, where a gate may reject the speed."""
-
-    speed_used: Annotated[Scalar, Quantity("1", "1 where the reading of the speed sensor is accepted")] = 1.0
 
 
 PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess", "delay")
@@ -416,8 +408,6 @@ class SelfCalibratingKalman(MotionFilter):
 
     def _output_type(self) -> type[SelfCalibratingEstimate]:
         drums = self.drums
-        if self.trust.false_alarm:
-            return GatedEstimate
         if present(drums.delay):
             return LateEstimate
         return SiteEstimate if any(map(present, (drums.give, drums.sag, drums.wheel))) else SelfCalibratingEstimate

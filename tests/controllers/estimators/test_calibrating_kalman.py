@@ -80,9 +80,9 @@ def test_it_finds_the_ropes_and_with_them_the_position() -> None:
 def test_what_it_has_learnt_and_estimates_is_in_the_result() -> None:
     drawn, nominal = stretchy("calibrating-kalman")
     result = simulate(drawn, nominal=nominal)
-    names = ["x_est", "v_est", "d_est", "excess_1", "excess_2"]
-    assert list(result.columns)[-5:] == names
-    assert [result.units[name] for name in names] == ["m", "m/s", "m/s^2", "1", "1"]
+    names = ["x_est", "v_est", "d_est", "position_used", "speed_used", "excess_1", "excess_2"]
+    assert list(result.columns)[-len(names) :] == names
+    assert [result.units[name] for name in names] == ["m", "m/s", "m/s^2", "1", "1", "1", "1"]
     for number in (1, 2):
         learnt = result[f"excess_{number}"]
         assert abs(learnt[0]) < 0.01

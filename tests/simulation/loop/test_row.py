@@ -32,7 +32,7 @@ OWN_OF_LAWS = {
     "rbf-sliding-mode": {"s": "m", "d_hat": "m/s^2"},
     "mpc": {"d_hat": "m/s^2"},
 }
-ESTIMATED = {"x_est": "m", "v_est": "m/s", "d_est": "m/s^2"}
+ESTIMATED = {"x_est": "m", "v_est": "m/s", "d_est": "m/s^2", "position_used": "1", "speed_used": "1"}
 OWN_OF_ESTIMATORS = {
     "none": {},
     "lowpass": {},
@@ -41,7 +41,7 @@ OWN_OF_ESTIMATORS = {
     "self-calibrating-kalman": ESTIMATED
     | {"zero_1": "m", "zero_2": "m", "scale_1": "1", "scale_2": "1", "excess_1": "1", "excess_2": "1"}
     | {"zero_1_sd": "m", "zero_2_sd": "m", "scale_1_sd": "1", "scale_2_sd": "1", "excess_1_sd": "1", "excess_2_sd": "1"}
-    | {"fault_1": "1", "fault_2": "1", "position_used": "1"},
+    | {"fault_1": "1", "fault_2": "1"},
 }
 OWN_OF_COORDINATIONS = {
     "differential-tension": {},
