@@ -61,9 +61,6 @@ LATE: Mapping[str, Mapping[str, float]] = {
 }
 """Row → effects of the independent machine, and what the filter is told."""
 
-FALSE_ALARM = 1e-6
-"""Probability with which the gate rejects a sound reading: once in a quarter of an hour."""
-
 LIMIT = 6000.0
 """tension_max in N."""
 
@@ -148,13 +145,13 @@ def main(words: Sequence[str] | None = None) -> int:
             gains = dualwinch.override(
                 dualwinch.load(arguments.config), {"controller.nftsm.linear_speed": arguments.linear_speed}
             )
-            gated = dualwinch.override(gains, {"controller.trust.false_alarm": FALSE_ALARM})
             experiments, rows = {"gains": gains}, OVERLOADS
             if arguments.sensors:
-                experiments, rows = {"gate": gated, "no gate": gains}, FAULTS
+                ungated = dualwinch.override(gains, {"controller.trust.false_alarm": 0.0})
+                experiments, rows = {"gate": gains, "no gate": ungated}, FAULTS
             if arguments.late:
                 told = {"controller.kalman.position_delay": 1e-3, "controller.trust.position_rate": 1000.0}
-                told_of = dualwinch.override(gated, told)
+                told_of = dualwinch.override(gains, told)
                 learnt = dualwinch.override(told_of, {"controller.drums.delay": 1e-3})
                 experiments, rows = {"as told": told_of, "learnt": learnt}, LATE
             experiments["paper"] = Experiment(controller=paper_controller())
