@@ -178,6 +178,7 @@ def designed_controller(
     timing: LoopTiming,
     *,
     largest_speed_error: float,
+    position_noise: float = 0.0,
     speed_noise: float = 0.0,
     shares: Shares = ALL,
 ) -> Controller:
@@ -188,6 +189,7 @@ def designed_controller(
         plant: that of the data sheets.
         timing: lags of the loop.
         largest_speed_error: in m/s, up to which the law's slope does not exceed that at rest.
+        position_noise: of the position sensor in m.
         speed_noise: of the speed sensor in m/s; the filter assumes half as much again, for a wheel that slips.
         shares: of bandwidth, damping and integral action.
     """
@@ -215,6 +217,8 @@ def designed_controller(
         "kalman.compensation": shares.integral,
         "kalman.encoder_noise": max(stretches) / 2,
     }
+    if position_noise:
+        gains["kalman.position_noise"] = position_noise
     if speed_noise:
         gains["kalman.speed_noise"] = 1.5 * speed_noise
     return with_leaves(controller, {key: value for key, value in gains.items() if key in values})
