@@ -1,7 +1,7 @@
 """Estimate a machine's parameters from logs in one call."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import PathLike
@@ -38,7 +38,7 @@ from dualwinch.toolboxes.identification.estimate import (
     with_data_sheets,
 )
 from dualwinch.toolboxes.identification.log import Log, column_map, gap_note, log_of, read_log
-from dualwinch.toolboxes.identification.models import marginal
+from dualwinch.toolboxes.identification.models import FittedModel, marginal
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.toolboxes.identification.predictor import READINGS
 from dualwinch.toolboxes.identification.resample import LogSection, counting, sections_of
@@ -161,10 +161,11 @@ def identify(
     recordings, parts, split = _parts(recordings, experiment, options, kinds if not plain else (), hold_out)
     forward = _Forward(progress)
     screening = LogScreening([log for log, _ in split], experiment, unknowns, executors.threads_of(workers), kinds)
-    selection = ModelSelection(screening, options, _Forward(forward, 1 / starts))
     sections = sections_of(screening.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
-    model = selection.of(experiment, plausible, plain=plain)
+    check = partial(_checked_fit, plausible=plausible, accepted=unrecorded is not None)
+    selection = ModelSelection(screening, options, check, _Forward(forward, 1 / starts))
+    model = selection.of(experiment, plain=plain)
     method, n = model.method, len(unknowns)
     estimates = [*multistart(method, model.estimate, n, starts, seed, forward, workers), *model.optima]
     estimates = sorted(estimates, key=lambda each: each.deviance)
@@ -233,6 +234,16 @@ def identify(
         models=selection.evidence(model),
         interrupted=selection.interrupted,
     )
+
+
+def _checked_fit(
+    fit: FittedModel, plausible: Callable[[ParameterEstimate], Sequence[str]], *, accepted: bool
+) -> Sequence[str]:
+    """What `plausible` says of a fit; improbable nuisance parameters are refused unless that is `accepted`."""
+    remarks = plausible(fit.estimate)
+    if not accepted:
+        fit.check_priors()
+    return remarks
 
 
 def _parts(

@@ -49,9 +49,9 @@ def _likeliest_of(
     model: LogModel,
     method: PredictionErrorMethod,
     searches: Iterable[Callable[[], ParameterEstimate]],
-    check: Callable[[ParameterEstimate], Sequence[str]],
+    check: Callable[[FittedModel], Sequence[str]],
 ) -> FittedModel:
-    """A model with the likeliest estimate of several searches, and what checks of it and its priors say.
+    """A model with the likeliest estimate of several searches, and what a check says of it.
 
     Raises:
         DivergedFilterError: the filter diverges in every search.
@@ -67,11 +67,9 @@ def _likeliest_of(
     best, *optima = sorted(estimates, key=lambda each: each.deviance)
     fit = FittedModel(model, method, best, tuple(optima))
     try:
-        remarks = tuple(check(best))
-        fit.check_priors()
+        return replace(fit, remarks=tuple(check(fit)))
     except ImplausibleFitError as error:
         return replace(fit, refusal=error)
-    return replace(fit, remarks=remarks)
 
 
 @dataclass
@@ -96,6 +94,7 @@ class ModelSelection:
     Attributes:
         screening: of the logs, which are of one machine.
         options: of the method.
+        check: refuses an implausible fit, or returns remarks on it.
         progress: called with the share of the work.
         fits: so far, the described experiment first.
         interrupted: whether it was interrupted before all candidates were fitted.
@@ -103,18 +102,16 @@ class ModelSelection:
 
     screening: LogScreening
     options: EstimationOptions
+    check: Callable[[FittedModel], Sequence[str]]
     progress: progresses.PhaseProgress
     fits: list[FittedModel] = field(default_factory=list)
     interrupted: bool = False
     _pairs: dict[tuple[FittedModel, FittedModel], float] = field(default_factory=dict, init=False, repr=False)
 
-    def of(
-        self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, plain: bool = False
-    ) -> FittedModel:
+    def of(self, experiment: Experiment, *, plain: bool = False) -> FittedModel:
         """The selected model for an experiment as described; `plain`: this experiment, whatever its innovations.
 
-        `check` refuses an implausible estimate, or returns remarks on it (`diagnostics.check_fit`). An interruption
-        (Ctrl-C) after the first fit ends the selection, with the models so far.
+        An interruption (Ctrl-C) after the first fit ends the selection, with the models so far.
 
         Raises:
             DivergedFilterError: the filter diverges with every model.
@@ -122,27 +119,27 @@ class ModelSelection:
         """
         described = LogModel(experiment, self.options)
         if plain or not self.screening.kinds:
-            fit = self._fitted(described, check, complete=True)
+            fit = self._fitted(described, complete=True)
             if plain and fit.refusal:
                 raise type(fit.refusal)(f"{fit.refusal}; without --plain, alternatives to that machine are compared")
             return self._accepted(fit)
         base = self.base(described)
         try:
-            self._fitted(base, check)
+            self._fitted(base)
         except DivergedFilterError:
             others = [self.screening.with_torques_between_rows(base), self._without_divergence(base)]
             wider = next(filter(None, others), None)
             if wider is None:
                 raise
-            self._fitted(wider, check)
+            self._fitted(wider)
         try:
-            best = self._selected(base, check)
+            best = self._selected(base)
         except KeyboardInterrupt:
             self.interrupted = True
             best = self._likeliest()
         return self._accepted(best)
 
-    def _selected(self, base: LogModel, check: Callable[[ParameterEstimate], Sequence[str]]) -> FittedModel:
+    def _selected(self, base: LogModel) -> FittedModel:
         """The likeliest fit once no alternative has a candidate left (steps 2 to 4)."""
         tried, proposals = {fit.model for fit in self.fits} | {base}, dict[FittedModel, Iterator[LogModel]]()
         while True:
@@ -152,11 +149,11 @@ class ModelSelection:
             if candidate is not None:
                 tried.add(candidate)
                 with suppress(DivergedFilterError):
-                    self._fitted(candidate, check)
+                    self._fitted(candidate)
             elif best.finished or best.refusal:
                 return best
             else:
-                complete = self._completed(best, check)
+                complete = self._completed(best)
                 self.fits[self.fits.index(best)] = complete
                 proposals[complete] = iter(())
 
@@ -306,9 +303,7 @@ class ModelSelection:
             for fit, deviance, criterion in zip(self.fits, deviances, criteria, strict=True)
         )
 
-    def _fitted(
-        self, model: LogModel, check: Callable[[ParameterEstimate], Sequence[str]], *, complete: bool = False
-    ) -> FittedModel:
+    def _fitted(self, model: LogModel, *, complete: bool = False) -> FittedModel:
         """Fit a model from each of its starts, and add it to the fits.
 
         Unless it must be `complete`, a fit without nuisance parameters that leaves innovations coloured ends roughly,
@@ -328,18 +323,18 @@ class ModelSelection:
             partial(method.run, start, progress, unless=rough, polished=False)
             for start, progress in zip(starts, self._progresses(model, len(starts)), strict=True)
         )
-        fit = _likeliest_of(model, method, searches, check)
+        fit = _likeliest_of(model, method, searches, self.check)
         self.fits.append(fit)
         return fit
 
-    def _completed(self, fit: FittedModel, check: Callable[[ParameterEstimate], Sequence[str]]) -> FittedModel:
+    def _completed(self, fit: FittedModel) -> FittedModel:
         """A fit that ended roughly, at the maximum of the likelihood."""
         method, rough = fit.method, (fit.estimate, *fit.optima)
         searches = (
             partial(method.continued, each.values, each.noise, progress, polished=False)
             for each, progress in zip(rough, self._progresses(fit.model, len(rough)), strict=True)
         )
-        return _likeliest_of(fit.model, method, searches, check)
+        return _likeliest_of(fit.model, method, searches, self.check)
 
     def _progresses(self, model: LogModel, count: int) -> Iterator[progresses.Progress]:
         """Progress of each of several searches for a model; how many models follow is not known.
