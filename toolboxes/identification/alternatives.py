@@ -112,8 +112,7 @@ class LightRopes(BuiltIn):
         likeliest = ropes_of(screening.likeliest_ropes(described, model.options, estimate.noise))
         if likeliest == ropes_of(fit.experiment):
             return
-        other = replace(model, kinds=tuple(kind for kind in model.kinds if kind != self.kind))
-        experiment = with_leaves(fit.experiment, likeliest)
+        other, experiment = model.without(self.kind), with_leaves(fit.experiment, likeliest)
         if likeliest == ropes_of(screening.described):
             yield replace(other, experiment=experiment)
         else:
@@ -200,8 +199,7 @@ class TorqueDelay(BuiltIn):
             if each != described:
                 yield model.extended(self.kind, other, further=self.kind not in model.kinds)
             elif self.kind in model.kinds:
-                kinds = tuple(kind for kind in model.kinds if kind != self.kind)
-                yield replace(model, experiment=other, kinds=kinds, further=model.further - 1)
+                yield replace(model.without(self.kind), experiment=other, further=model.further - 1)
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,10 @@ class LogModel:
             further=self.further + further,
         )
 
+    def without(self, *kinds: str) -> "LogModel":
+        """The model that no longer names some kinds; its experiment is unchanged."""
+        return replace(self, kinds=tuple(kind for kind in self.kinds if kind not in kinds))
+
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:

@@ -93,12 +93,14 @@ class LogScreening:
 
         Q is from a rough search.
         """
-        point = np.array([each.start for each in self.unknowns]) if values is None else values
+        point = self._starts() if values is None else values
         key = experiment, options, point.tobytes()
         if key not in self._deviances:
-            rubbing = with_drum_friction(experiment, options.search)
-            self._deviances[key] = self._method(rubbing, options, self.unknowns).deviance(point)
+            self._deviances[key] = self._with_friction(experiment, options, self.unknowns).deviance(point)
         return self._deviances[key]
+
+    def _starts(self) -> Floats:
+        return np.array([each.start for each in self.unknowns])
 
     def _method(
         self, experiment: Experiment, options: EstimationOptions, unknowns: Sequence[UnknownParameter] = ()
@@ -106,14 +108,18 @@ class LogScreening:
         sections = sections_of(self.logs, experiment, options.resampling)
         return PredictionErrorMethod(sections, experiment, unknowns, options, self.threads)
 
+    def _with_friction(
+        self, experiment: Experiment, options: EstimationOptions, unknowns: Sequence[UnknownParameter] = ()
+    ) -> PredictionErrorMethod:
+        return self._method(with_drum_friction(experiment, options.search), options, unknowns)
+
     def likeliest_at_start(
         self, experiment: Experiment, options: EstimationOptions, values: Floats | None = None
     ) -> tuple[float, Experiment]:
         """The least deviance over all delays of the torques, and the experiment with it; values as above."""
-        start = np.array([each.start for each in self.unknowns]) if values is None else values
+        start = self._starts() if values is None else values
         experiments = [delayed(experiment, samples) for samples in range(options.search.max_delay_samples + 1)]
-        rubbing = [with_drum_friction(each, options.search) for each in experiments]
-        methods = [self._method(each, options, self.unknowns) for each in rubbing]
+        methods = [self._with_friction(each, options, self.unknowns) for each in experiments]
         place, deviances = likeliest_in_turn(methods, start, min(experiment.simulation.delay_samples, len(methods) - 1))
         return deviances[place], experiments[place]
 
@@ -133,12 +139,11 @@ class LogScreening:
         forms = lighter_ropes(experiment, [each.key for each in self.unknowns])
         if len(forms) == 1:
             return experiment
-        rubbing = [with_drum_friction(each, options.search) for each in forms]
+        methods = [self._with_friction(each, options) for each in forms]
         if noise:
-            deviances = self.deviances_with(noise, rubbing, options)
+            deviances = [each.deviance(np.zeros(0), noise) for each in methods]
             likeliest = int(np.argmin(deviances))
         else:
-            methods = [self._method(each, options) for each in rubbing]
             likeliest, deviances = likeliest_in_turn(methods, np.zeros(0), len(methods) - 1)
         return forms[likeliest] if deviances[likeliest] + CONSIDERABLE < deviances[0] else experiment
 

@@ -38,6 +38,9 @@ from dualwinch.toolboxes.identification.vortices import vortex_starts
 
 Floats = NDArray[np.float64]
 
+CLOCKS = {RecorderPhase.kind, InterpolatedRows.kind}
+"""Kinds of models of a recorder with a clock of its own."""
+
 
 def _is_coloured(
     method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances, _deviance: float
@@ -193,9 +196,9 @@ class ModelSelection:
         A clock of a recorder whose rows are at the samples may make up for something else: where it leaves innovations
         coloured, other alternatives are tried without it, too, and in the end it is left out (`_without_clock`).
         """
-        fits, clocks = [best], {RecorderPhase.kind, InterpolatedRows.kind}
-        if clocks & set(best.model.kinds) and self.screening.at_samples(self.fits[0].experiment) and not best.white:
-            fits.insert(0, self._likeliest([fit for fit in self.fits if not clocks & set(fit.model.kinds)]))
+        fits = [best]
+        if CLOCKS & set(best.model.kinds) and self.screening.at_samples(self.fits[0].experiment) and not best.white:
+            fits.insert(0, self._likeliest([fit for fit in self.fits if not CLOCKS & set(fit.model.kinds)]))
         for fit in fits:
             for kind, alternative in ALTERNATIVES.items():
                 if kind in self.screening.kinds:
@@ -227,13 +230,11 @@ class ModelSelection:
             is_delayed and TorqueDelay.kind not in self.screening.kinds
         ):
             return
-        kinds = [kind for kind in fit.model.kinds if kind not in (RecorderPhase.kind, InterpolatedRows.kind)]
-        yield replace(
-            fit.model,
-            experiment=with_rows_at_samples(experiment, samples),
-            kinds=(*kinds, *([TorqueDelay.kind] if is_delayed and TorqueDelay.kind not in kinds else [])),
-            further=fit.model.further + is_delayed,
-        )
+        model, at_samples = fit.model.without(*CLOCKS), with_rows_at_samples(experiment, samples)
+        if is_delayed:
+            yield model.extended(TorqueDelay.kind, at_samples, further=1)
+        else:
+            yield replace(model, experiment=at_samples)
 
     def _accepted(self, best: FittedModel) -> FittedModel:
         """A fit with its rivals; its refusal is raised."""
