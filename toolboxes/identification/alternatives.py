@@ -365,7 +365,7 @@ def _nuisances(experiment: Experiment, fit: FittedModel, screening: LogScreening
     )
 
 
-def selected(names: Sequence[str], option: str = "--alternatives") -> frozenset[str]:
+def selected(names: Sequence[str]) -> frozenset[str]:
     """Kinds of alternatives by names: `all`, names to add, and names with a minus to leave out; default: all.
 
     >>> sorted(selected(["sea", "load-cell-lag"]))
@@ -386,6 +386,6 @@ def selected(names: Sequence[str], option: str = "--alternatives") -> frozenset[
         try:
             ALTERNATIVES.find(kind)
         except ConfigurationError as error:
-            raise ConfigurationError(f"{option} {name}: {error}") from None
+            raise ConfigurationError(f"--alternatives {name}: {error}") from None
         kinds = kinds - {kind} if name.startswith("-") else kinds | {kind}
     return frozenset(kinds)

@@ -80,7 +80,6 @@ def identify(
     unrecorded: float | None = None,
     plain: bool = False,
     alternatives: str | Sequence[str] = (),
-    without: str | Sequence[str] = (),
     options: EstimationOptions = DEFAULTS,
     workers: executors.Workers = None,
     progress: progresses.PhaseProgress = progresses.no_progress,
@@ -113,13 +112,13 @@ def identify(
         forces: whether to estimate the unrecorded force on the vehicle: `forces` of the result, for
             ``disturbance.force``. It includes any sea; vortices are as described.
         unrecorded: ratio of unrecorded to recorded RMS torque or force above which a fit is refused: the log is of
-            another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
+            another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``. Where it is
+            given, improbable nuisance parameters are accepted, too.
         plain: whether to fit the experiment as described only, without alternatives: quick, and right where innovations
             are white and rows are at the controller's samples.
         alternatives: names of the alternatives that are compared with the experiment as described
             (`identification.alternatives.ALTERNATIVES`), such as ``"sea, load-cell-lag"`` or ``"all, -sea"``; default:
             all, also those that you registered.
-        without: names of those that are not.
         options: of the method.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         progress: called repeatedly with the share of the work that is done, which never falls.
@@ -156,7 +155,7 @@ def identify(
     if extras := [key for key in profiled if key not in names]:
         raise ConfigurationError(f"--profile {extras[0]}: is not fitted; add it to --fit")
     unknowns = unknown_parameters(names, experiment, all_priors, options.search)
-    kinds = _kinds(arguments.texts("alternatives", alternatives), arguments.texts("without", without))
+    kinds = selected(arguments.texts("alternatives", alternatives))
     kinds = kinds - {UndescribedSea.kind} if forces or _in_gas(experiment) else kinds
     recordings, parts, split = _parts(recordings, experiment, options, kinds if not plain else (), hold_out)
     forward = _Forward(progress)
@@ -263,12 +262,6 @@ def _parts(
 def _in_gas(experiment: Experiment) -> bool:
     """Whether the vehicle moves in a gas, which has no sea."""
     return experiment.plant.vehicle.water_density < GAS_DENSITY
-
-
-def _kinds(names: Sequence[str], without: Sequence[str]) -> frozenset[str]:
-    """Kinds of the alternatives of names (`alternatives.selected`), without some."""
-    excluded = [f"-{name.strip()}" for text in without for name in text.split(",")]
-    return selected(names) & selected(excluded, "--without")
 
 
 class _Forward:

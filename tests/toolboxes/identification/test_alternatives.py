@@ -36,8 +36,8 @@ def test_names_add_and_leave_out(names: list[str], kinds: set[str]) -> None:
 
 
 def test_a_name_of_no_alternative_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"--without -see: unknown alternative 'see'; did you mean 'sea'"):
-        selected(["-see"], "--without")
+    with pytest.raises(ConfigurationError, match=r"--alternatives -see: unknown alternative 'see'; did you mean 'sea'"):
+        selected(["-see"])
 
 
 @pytest.mark.slow

@@ -40,7 +40,6 @@ def identify(
     ] = None,
     plain: bool = False,
     alternatives: list[str] | None = None,
-    without: list[str] | None = None,
     data_sheet: list[str] | None = None,
     out: Path | None = None,
     plot: options.Figure = None,
@@ -67,11 +66,10 @@ def identify(
         profile: Keys whose profile likelihood is computed; may be repeated.
         disturbance: File for the force on the vehicle, .csv or .parquet, for disturbance.force.file.
         unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
-            another machine.
+            another machine. Where it is given, improbable nuisance parameters are accepted, too.
         plain: Fit the experiment as described only, without alternatives such as a recorder's own clock or a sea.
         alternatives: Alternatives that are compared with the experiment as described: sea,load-cell-lag or all,-sea;
             --alternatives list shows them; may be repeated.
-        without: Alternative that is not tried, as in --alternatives all,-NAME; may be repeated.
         data_sheet: Standard deviation of a sensor or motor by its data sheet, such as load_cell_error=0.5% or
             torque_error=0; may be repeated.
         out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
@@ -127,7 +125,6 @@ def identify(
             progress=progress,
             plain=plain,
             alternatives=alternatives or [],
-            without=without or [],
             options=options_with(data_sheet or []),
             **options.stated(hold_out=share, starts=starts),
         )
