@@ -96,7 +96,8 @@ def test_a_filter_that_knows_a_delay_loses_little_by_it(estimator: str, sensor: 
     base = override(case(4), {**NOISY, "controller.estimator": estimator})
     late = override(base, {f"sensors.{sensor}_delay": delay})
     told = override(late, {f"controller.kalman.{sensor}_delay": delay})
-    assert blunder(told) < 1.5 * blunder(base) < 0.5 * blunder(late)
+    believed = override(late, {"controller.trust.false_alarm": 0.0})  # else the gate may do without a late speed
+    assert blunder(told) < 1.5 * blunder(base) < 0.5 * blunder(believed)
 
 
 @pytest.mark.slow
