@@ -188,7 +188,7 @@ def formula_design(experiment: Experiment, shares: Shares = ALL, kept: Collectio
         experiment.plant,
         timing_of(experiment),
         largest_speed_error=LARGEST_SPEED_ERROR,
-        position_noise=position_noise(experiment.sensors),
+        position_noise=float(f"{position_noise(experiment.sensors):.1g}"),
         speed_noise=experiment.sensors.speed_noise,
         shares=shares,
     )
