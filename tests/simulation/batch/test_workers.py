@@ -299,6 +299,7 @@ def ensemble_with_own_law(folder: Path) -> Ensemble:
     """An ensemble with a law of one's own, from a file with another beside it."""
     plugin = folder / "own_law.py"
     (folder / "gains_beside_the_law.py").write_text("ROOT = 1.5\n")
+    sys.modules.pop("gains_beside_the_law", None)  # that of another test is beside another file
     plugin.write_text(SURROUNDINGS + (EXAMPLES / "lqi_law.py").read_text().replace('"my-lqi"', '"lqi-carried"'))
     load_plugin(str(plugin))
     return reset(load_ensemble("sea"), {"controller.kind": "lqi-carried", "simulation.duration": 1.0})
