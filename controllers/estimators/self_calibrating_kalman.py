@@ -331,10 +331,9 @@ class SelfCalibratingKalman(MotionFilter):
         drums, resting = _drums(now, state.motion, context), both(due, 1 - has_begun(state.watch.started))
         sensor_delay = state.sensor_delay
         way = state.motion.v * sensor_delay.delay if isinstance(sensor_delay, DelayKnowledge) else 0.0
-        predicted, is_confirmed = state.motion, 1.0
+        predicted, is_confirmed, witnesses = state.motion, 1.0, self._witnesses(state, drums)
         if isinstance(predicted.gates, Gates):
             innovation_of_x = where(alive, reading.x + way - x, 0.0)
-            witnesses = self._witnesses(state, drums)
             gates, is_confirmed = self._position_gated(predicted.gates, innovation_of_x, witnesses, sample_time)
             reading = replace(reading, trusted=1 - gates.position.rejected)
             predicted = replace(predicted, gates=gates)
@@ -356,7 +355,7 @@ class SelfCalibratingKalman(MotionFilter):
                 predicted,
                 gain,
                 now.v / wheel_scale,
-                self._witnesses(state, drums),
+                witnesses,
                 is_confirmed,
                 self.kalman,
                 self.trust,

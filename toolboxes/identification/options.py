@@ -331,7 +331,6 @@ class PlausibilityOptions:
     improbable: Annotated[
         Share, Quantity("1", "probability by its prior below which the estimate of a nuisance parameter is refused")
     ] = 1e-6
-
     max_unrecorded: Annotated[
         quantities.Positive,
         Quantity("1", "unrecorded torque or force, over the recorded one, from which a fit is refused"),
