@@ -90,6 +90,21 @@ def test_a_slipping_wheel_is_done_without_by_every_kalman_filter(estimator: str)
 
 
 @pytest.mark.slow
+def test_a_push_is_no_slip() -> None:
+    """The vehicle's speed by the tighter rope shows that the wheel is right."""
+
+    def pushed(probability: float) -> tuple[float, float]:
+        push = {"disturbance.push.force": -8e3, "disturbance.push.start": 8.0, "disturbance.push.duration": 0.3}
+        columns = simulate(override(faulty(probability), push)).columns
+        during = (columns["t"] > 8.0) & (columns["t"] < 8.3)
+        return columns["speed_used"][during].mean(), np.abs(columns["e"]).max()
+
+    (used, error), (_, ungated) = pushed(1e-6), pushed(0.0)
+    assert used > 0.8
+    assert error < 1.1 * ungated
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("faults", [{"encoder_fault_1": 0.02, "fault_length": 0.01}, {"encoder_fault_2": 0.009}])
 def test_an_encoder_that_slips_is_outvoted(faults: dict[str, float]) -> None:
     assert largest_error(**faults) < 1.5e-3
