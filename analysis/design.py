@@ -63,7 +63,6 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.simulation.sensors import Sensors
 
 LEAST_MARGINS = {"disk": 0.4, "delay": 1e-3, RESONANCE: 1.0, LARGE_SIGNAL: 1.0}
 """Kind of margin → its bound: radius of the disk, delay in s, and factors on the loop gain at the drums' resonance."""
@@ -188,7 +187,7 @@ def formula_design(experiment: Experiment, shares: Shares = ALL, kept: Collectio
         experiment.plant,
         timing_of(experiment),
         largest_speed_error=LARGEST_SPEED_ERROR,
-        position_noise=float(f"{position_noise(experiment.sensors):.1g}"),
+        position_noise=float(f"{experiment.sensors.position_deviation:.1g}"),
         speed_noise=experiment.sensors.speed_noise,
         shares=shares,
     )
@@ -316,11 +315,6 @@ class _LeastMargins:
         return cls(smallest, places, 1 - len(steady) / len(margins))
 
 
-def position_noise(sensors: Sensors) -> float:
-    """Standard deviation of the position sensor's noise in m; its rounding counts as uniform noise."""
-    return math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12))
-
-
 def tension_noise(experiment: Experiment) -> float:
     """Largest standard deviation of a tension in N by noise of the sensors, at rest at mid-track; infinite if unstable.
 
@@ -330,7 +324,7 @@ def tension_noise(experiment: Experiment) -> float:
 
     sensors = experiment.sensors
     deviations = {
-        "position_noise": position_noise(sensors),
+        "position_noise": sensors.position_deviation,
         "speed_noise": sensors.speed_noise,
         "tension_1_noise": sensors.tension_noise,
         "tension_2_noise": sensors.tension_noise,

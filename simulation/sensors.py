@@ -233,6 +233,11 @@ class Sensors:
         Mark.SHAPES_CODE,
     ] = 32
 
+    @property
+    def position_deviation(self) -> float:
+        """Standard deviation in m of a reading of the position: its noise, and its rounding as uniform noise."""
+        return math.hypot(self.position_noise, self.position_resolution / math.sqrt(12))
+
 
 @dataclass(frozen=True)
 class Noise:

@@ -1,7 +1,7 @@
 """Baseline controller of an ensemble: estimator, coordination and gains that a search starts from."""
 
-import math
 from collections.abc import Collection
+from dataclasses import replace
 
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.model.plant import Plant, is_distributed, sags
@@ -90,9 +90,8 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
             gains["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
         if side.rope.submerged_weight:
             gains["controller.drums.sag"] = SAG_DEVIATION
-    if noise := math.hypot(
-        _largest(ensemble, "sensors.position_noise"), _largest(ensemble, "sensors.position_resolution") / math.sqrt(12)
-    ):
+    coarsest = {name: _largest(ensemble, f"sensors.{name}") for name in ("position_noise", "position_resolution")}
+    if noise := replace(experiment.sensors, **coarsest).position_deviation:
         gains[POSITION_NOISE] = float(f"{noise:.1g}")
     if _uncertain(ensemble, ["sensors.speed_error"]):
         gains["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")

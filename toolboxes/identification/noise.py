@@ -71,7 +71,7 @@ def initial_measurement_noise(readings: Floats, sensors: sensing.Sensors, option
     the log's samples.
     """
     described = {
-        "x": math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12)),
+        "x": sensors.position_deviation,
         "v": sensors.speed_noise,
         "F1": sensors.tension_noise,
         "F2": sensors.tension_noise,
