@@ -3,10 +3,13 @@
 The sliding-mode law feeds back |e2|^(2−p/q), whose slope at zero would be infinite without smoothing, and |e2|^(p/q),
 whose slope there is zero. A Jacobian contains only these slopes. For a speed error ``A sin(w t)`` the effective gain
 is that of the first harmonic, the describing function; replacing the slope by it makes the loop linear for that
-amplitude.
+amplitude. A boundary layer that widens with the speed error (`controllers.laws.nftsm`) divides the position error, a
+quarter of a period behind, as well.
+
+Reference: Khalil, Nonlinear Systems, 2002, Section 7.2.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,11 +29,43 @@ Floats = NDArray[np.float64]
 LARGEST_SPEED_ERROR = 0.3
 """Largest amplitude of the speed error in m/s of default ranges: what a push leaves while the force is at its limit."""
 
+SMALL_SPEED_ERROR = 0.01
+"""Amplitude of the speed error in m/s that disturbances leave while the force follows its command."""
+
 AMPLITUDES = (*np.geomspace(1e-7, 1e-1, 25).tolist(), LARGEST_SPEED_ERROR)
 """Default amplitudes of the speed error in m/s."""
 
-PROBES = (1e-3, 1e-2, 1e-1)
-"""Smoothings in m/s at which the loop is linearised, to separate the contributions of the two slopes."""
+PROBES = ((1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0), (1e-2, 2.0))
+"""Smoothings in m/s, and factors on the reaching law, with which the loop is linearised, to separate the gains."""
+
+
+@dataclass(frozen=True)
+class DescribingGains:
+    """Describing functions of the sliding-mode law for an amplitude of the speed error e2.
+
+    Attributes:
+        terminal: that of sig(e2, 2 − p/q), in (m/s)^(1−p/q).
+        surface: that of sig(e2, p/q), over the layer's width if it widens, in (m/s)^(p/q−1).
+        position: that of the position error over the layer's width; 1 if it does not widen.
+    """
+
+    terminal: Any
+    surface: Any
+    position: Any
+
+    @classmethod
+    def of(cls, amplitude: Any, ratio: Any, smoothing: Any, linear_speed: Any = 0.0) -> "DescribingGains":
+        """The gains for an amplitude, smoothing and linear speed in m/s and a ratio p/q; arrays broadcast."""
+        return cls(
+            terminal=describing_gain(amplitude, 2 - ratio, smoothing),
+            surface=describing_gain(amplitude, ratio, smoothing, linear_speed),
+            position=position_gain(amplitude, ratio, linear_speed),
+        )
+
+
+def margin_amplitudes(experiment: Experiment) -> tuple[float, ...]:
+    """Amplitudes of the speed error in m/s at which margins are bounded: noise of the sensor, small, and largest."""
+    return tuple(sorted({experiment.sensors.speed_noise, SMALL_SPEED_ERROR, LARGEST_SPEED_ERROR}))
 
 
 @dataclass(frozen=True)
@@ -39,21 +74,22 @@ class AmplitudePoint:
 
     Attributes:
         amplitude: of e2 in m/s.
-        terminal_gain: describing function of sig(e2, 2 − p/q), over the smoothing's units (m/s)^(1−p/q).
-        surface_gain: that of sig(e2, p/q), over the layer's width if it widens, in (m/s)^(p/q−1).
+        gains: of the law.
         system: the opened loop.
         margins: its margins.
     """
 
     amplitude: float
-    terminal_gain: float
-    surface_gain: float
+    gains: DescribingGains
     system: LinearSystem
     margins: Margins
 
 
 ANGLES = 256
 """Angles of the midpoint rule for describing functions, whose error falls faster than with their third power."""
+
+SQUARED_SINES = np.sin((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES)) ** 2
+"""Squared sines of the angles, over a quarter of a period."""
 
 
 def describing_gain(
@@ -78,15 +114,33 @@ def describing_gain(
     return smoothing ** (exponent - 1) * hyp2f1((1 - exponent) / 2, 1.5, 2.0, -size)
 
 
+def position_gain(
+    amplitude: float | Floats, exponent: float | Floats, linear_speed: float | Floats = 0.0
+) -> float | Floats:
+    """First harmonic of the position error ``cos(w t)`` over ``(1 + (z/v)²)^((a−1)/2)``, z = A sin(w t).
+
+    The divisor is the width of the boundary layer (`controllers.laws.nftsm`) with the linear speed v: the gain is 1 for
+    v = 0. Arguments as
+    in `describing_gain`.
+    """
+    if not np.any(linear_speed):
+        return 1.0
+    amplitude, exponent, linear_speed = _against_angles(amplitude, exponent, linear_speed)
+    widths = (1 + amplitude**2 * SQUARED_SINES / linear_speed**2) ** ((exponent - 1) / 2)
+    return 2 * np.mean((1 - SQUARED_SINES) / widths, axis=-1)
+
+
 def _widened_gain(amplitude: Any, exponent: Any, smoothing: Any, linear_speed: Any) -> Any:
-    """`describing_gain` with a linear speed, by the midpoint rule over a quarter of a period."""
-    square = np.sin((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES)) ** 2
-    amplitude, exponent, smoothing, linear_speed = (
-        np.asarray(value, float)[..., np.newaxis] for value in (amplitude, exponent, smoothing, linear_speed)
-    )
-    size = amplitude**2 * square
+    """`describing_gain` with a linear speed."""
+    amplitude, exponent, smoothing, linear_speed = _against_angles(amplitude, exponent, smoothing, linear_speed)
+    size = amplitude**2 * SQUARED_SINES
     slopes = ((size + smoothing**2) / (1 + size / linear_speed**2)) ** ((exponent - 1) / 2)
-    return 2 * np.mean(square * slopes, axis=-1)
+    return 2 * np.mean(SQUARED_SINES * slopes, axis=-1)
+
+
+def _against_angles(*values: Any) -> Iterator[Floats]:
+    """Arrays with a last axis for `SQUARED_SINES`."""
+    return (np.asarray(value, float)[..., np.newaxis] for value in values)
 
 
 def amplitude_sweep(
@@ -122,7 +176,7 @@ def amplitude_sweep(
     loop, points = LoopByAmplitude.of(experiment, x, v, opening), []
     for amplitude in amplitudes:
         system = loop.at(amplitude)
-        points.append(AmplitudePoint(amplitude, *loop.slopes(amplitude), system, margins(system)))
+        points.append(AmplitudePoint(amplitude, loop.gains(amplitude), system, margins(system)))
     return points
 
 
@@ -130,12 +184,13 @@ def amplitude_sweep(
 class LoopByAmplitude:
     """An opened loop as a function of the amplitude of the speed error.
 
-    The force is linear in both slopes and the rest is linear in the force, so that three linearisations determine the
-    constant part of the matrices and the parts that each of the slopes contributes.
+    The force is linear in the law's gains and the rest is linear in the force, so that linearisations with as many
+    smoothings and reaching laws as there are gains determine the constant part of the matrices and what each of them
+    contributes.
 
     Attributes:
         template: the system at one of the linearisations.
-        parts: matrix name → (3, rows, columns): constant part, and contribution of each unit slope.
+        parts: matrix name → (4, rows, columns): constant part, and contribution of each gain.
         ratio: p/q of the law.
         smoothing, linear_speed: in m/s.
     """
@@ -157,11 +212,12 @@ class LoopByAmplitude:
         """
         law = sliding_mode(experiment, "has no odd power of the speed error; must be")
         gains, power, systems = law.nftsm, law.nftsm.p / law.nftsm.q - 1, []
-        for smoothing in PROBES:
-            probe = replace(law, nftsm=replace(gains, smoothing=smoothing))
+        for smoothing, factor in PROBES:
+            reaching = {"eta": factor * gains.eta, "k": factor * gains.k}
+            probe = replace(law, nftsm=replace(gains, smoothing=smoothing, **reaching))
             controller = replace(experiment.controller, law=probe)
             systems.append(whole_open_loop(replace(experiment, controller=controller), x, v, opening, nominal))
-        slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
+        slopes = np.array([[1.0, width**-power, factor * width**power, factor] for width, factor in PROBES])
         shares = np.linalg.inv(slopes)
         parts = {
             name: np.tensordot(shares, np.array([getattr(system, name) for system in systems]), axes=1)
@@ -169,14 +225,13 @@ class LoopByAmplitude:
         }
         return cls(systems[0], parts, gains.p / gains.q, gains.smoothing, gains.linear_speed)
 
-    def slopes(self, amplitude: float) -> tuple[float, float]:
-        """Describing functions of sig(e2, 2 − p/q) and sig(e2, p/q), as in `AmplitudePoint`."""
-        terminal = describing_gain(amplitude, 2 - self.ratio, self.smoothing)
-        surface = describing_gain(amplitude, self.ratio, self.smoothing, self.linear_speed)
-        return float(terminal), float(surface)
+    def gains(self, amplitude: float) -> DescribingGains:
+        """The law's gains at an amplitude in m/s."""
+        return DescribingGains.of(amplitude, self.ratio, self.smoothing, self.linear_speed)
 
     def at(self, amplitude: float) -> LinearSystem:
         """The opened loop at an amplitude in m/s, without idle states."""
-        weights = np.array([1.0, *self.slopes(amplitude)])
+        gains = self.gains(amplitude)
+        weights = np.array([1.0, gains.terminal, gains.surface, gains.position], float)
         matrices = {name: np.tensordot(weights, part, axes=1) for name, part in self.parts.items()}
         return without_idle_states(replace(self.template, **matrices))

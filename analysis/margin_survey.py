@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from dualwinch.analysis.describing_function import describing_gain
+from dualwinch.analysis.describing_function import DescribingGains
 from dualwinch.analysis.margins import BOTH, MARGIN_KINDS, comparable, complementary, least_margins
 from dualwinch.analysis.operating_points import in_calm, still_plant, with_taut_ropes
 from dualwinch.analysis.resonance import LARGE_SIGNAL, MARGIN_AMPLITUDES, resonance_terms
@@ -32,8 +32,8 @@ SHARES = (0.05, 0.5, 0.95)
 TOGETHER = 48
 """Places (gains, machine and point) computed at once, few enough for the processor's cache."""
 
-ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
-"""Keys of the sliding-mode law's odd powers of the speed error."""
+ODD_POWERS = tuple(f"controller.nftsm.{name}" for name in ("p", "smoothing", "beta", "eta", "k", "q", "linear_speed"))
+"""Keys of the sliding-mode law on which the slopes of its odd powers of the speed error depend; the last may lack."""
 
 
 UNSTABLE, UNSTEADY = "unstable", "no steady motion"
@@ -90,8 +90,9 @@ class MarginSurvey:
 
     Margins are those of infinitesimal motions, or the smallest at some amplitudes of the speed error: the sliding-mode
     law feeds back odd powers of it, whose slopes at zero say little about a loop with noisy sensors. For an amplitude,
-    the slopes are replaced by describing functions (Khalil, Nonlinear Systems, 2002, Section 7.2): the smoothing is set
-    such that the slope of ``|e2|^(2 - p/q)`` equals its describing function; that of ``|e2|^(p/q)`` is then within 4 %.
+    the slopes are replaced by describing functions (`describing_function`): N of ``|e2|^(2 - p/q)``, M of
+    ``|e2|^(p/q)`` and E of the position error. With a smoothing of 1 m/s the slopes of the powers are 1. The law then
+    has these gains with ``beta E/M`` in place of beta, ``p E/(N M)`` in place of p, and E times eta and k.
 
     Attributes:
         machines: the given machines.
@@ -251,14 +252,16 @@ class MarginSurvey:
         parameters[:, self._columns] = values
         return parameters
 
-    def _with_describing_slope(self, amplitude: float, parameters: Floats) -> Floats:
-        """Parameters (n, parameters) of laws whose slope at zero equals their describing function at an amplitude."""
+    def _with_describing_slopes(self, amplitude: float, parameters: Floats) -> Floats:
+        """Parameters (n, parameters) of laws whose slopes at zero equal their describing functions at an amplitude."""
         if not amplitude:
             return parameters
-        p, q, smoothing = parameters[:, self._powers].T
-        slope = describing_gain(amplitude, 2 - p / q, smoothing)
+        p, smoothing, beta, eta, k, q, *linear_speed = parameters[:, self._powers].T
+        gains = DescribingGains.of(amplitude, p / q, smoothing, *linear_speed)
+        position, width = gains.position, gains.position / gains.surface
         changed = parameters.copy()
-        changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
+        equivalent = p * width / gains.terminal, np.ones_like(p), beta * width, eta * position, k * position
+        changed[:, self._powers[: len(equivalent)]] = np.column_stack(equivalent)
         return changed
 
     def _of_places(
@@ -287,7 +290,7 @@ class MarginSurvey:
         for index, size in enumerate(self._amplitudes):
             mine = np.flatnonzero(amplitude == index) if index else np.arange(len(places))
             at = place[mine] if index else mine
-            steep = self._with_describing_slope(size, parameters[at])
+            steep = self._with_describing_slopes(size, parameters[at])
             begun = None if guess is None else guess[at]
             points = loop_operating_points(self._structure, steep, x[at], v[at], begun=begun, compiled=self._compiled)
             if guess is None:

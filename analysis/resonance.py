@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR, describing_gain
+from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR, DescribingGains
 from dualwinch.analysis.margins import comparable
 from dualwinch.analysis.stability import sliding_mode
 from dualwinch.codegen.source.expressions import built_once
@@ -152,8 +152,8 @@ def resonance_terms(
     linear = parameters[:, names.index(LINEAR_SPEED)] if LINEAR_SPEED in names else 0.0
     terms = []
     for amplitude in amplitudes:
-        slopes = describing_gain(amplitude, 2 - p / q, smoothing), describing_gain(amplitude, p / q, smoothing, linear)
-        inputs = np.array([x, np.full_like(x, amplitude), *slopes])
+        gains = DescribingGains.of(amplitude, p / q, smoothing, linear)
+        inputs = np.array([x, np.full_like(x, amplitude), gains.terminal, gains.surface])
         terms.append(_terms(structure)(parameters.T, inputs).full().T.reshape(len(x), 2, -1))
     return np.stack(terms, axis=1)
 
