@@ -18,7 +18,8 @@ which as a motor torque per drum speed is sqrt(E A mu) R²/G.
   predicted a quarter of a period ahead, where the speed of the stretch has become tension, is at most the largest
   (`governed`). Every later peak is a quarter of a period ahead at some time. The speed of the stretch is that of the
   drum, which takes up a slack rope, or of the measured tension, whichever is larger: after a jerk the rotor oscillates
-  on its gearbox, and its encoder does not show how the drum moves.
+  on its gearbox, and its encoder does not show how the drum moves. Therefore the command exceeds the tension by no more
+  than the damping takes at the speed that becomes the largest tension, too.
 - The tension command is shaped by the drum's resonance (`controllers.coordinations.command_shaping`) to the damping
   ratio ``shaping``, which the position law sees in place of the drum's own.
 """
@@ -35,7 +36,7 @@ from dualwinch.controllers.parts import Context
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.ropes import Track
-from dualwinch.model.scalar import Scalar, clip, has_begun, maximum, minimum, present, where
+from dualwinch.model.scalar import Scalar, clip, either, has_begun, maximum, minimum, present, where
 from dualwinch.model.winch import Winch, total_inertia
 
 LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
@@ -138,8 +139,8 @@ def winch_step(
 ) -> tuple[WinchState, Scalar, Scalar]:
     """One sample of a winch controller (paper Section 3.3): next state, motor torque in N m, 1 where it is saturated.
 
-    The torque's limits follow from those of the tension; at a limit the integral is held. The lower limit does not
-    apply to damping.
+    The torque's limits follow from those of the tension. The integral is held where torque or command is limited: a
+    drive without torque would wind it up. The lower limit does not apply to damping.
 
     Command and measured tension are in N. The feedforward is that of the reference's acceleration (E9: the measured one
     would close an algebraic loop). `drum` is the resonance by which the command is shaped, where it is.
@@ -149,13 +150,17 @@ def winch_step(
     shape = state.shaped
     if drum is not None:
         shape, command = shaped(shape, command, drum, gains.shaping, sample_time, state.primed)
-    slow, stretching, level = state.slip, 0.0, state.tension
+    slow, stretching, level, held = state.slip, 0.0, state.tension, False
     if present(gains.damping):
         ahead, slow = _ahead(slow, motion.slip, gains.lead, sample_time)
         stretching = ahead - motion.drift
         before = where(has_begun(state.primed), level, tension)
         swing, level = _swing(before, tension, motion, sample_time)
-        command = governed(command - gains.damping / to_torque * motion.drift, swing, limits)
+        damping = gains.damping / to_torque
+        wanted = command - damping * motion.drift
+        share = damping / maximum(damping, motion.impedance)
+        command = governed(wanted, tension, swing, share, limits)
+        held = command != wanted
     error = command - tension
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
@@ -165,22 +170,31 @@ def winch_step(
     saturated = torque != unlimited_torque
     if present(gains.damping):
         torque = clip(torque - gains.damping * stretching, 0.0, to_torque * limits.tension_max)
-    clamped_integral = state.integral + sample_time * where(saturated, 0.0, error)
+    clamped_integral = state.integral + sample_time * where(either(saturated, held), 0.0, error)
     return WinchState(clamped_integral, error, 1.0, slow, level, shape), torque, saturated
 
 
-def governed(command: Scalar, swing: Scalar, limits: Limits) -> Scalar:
-    """A tension command in N within its limits that the swinging drum does not make exceed the largest tension.
+def governed(command: Scalar, tension: Scalar, swing: Scalar, share: Scalar, limits: Limits) -> Scalar:
+    """A tension command in N within its limits that the drum does not make exceed the largest tension.
 
-    Reference governor (Garone, Di Cairano and Kolmanovsky, Automatica 75, 2017, 306-328) of the drum on its rope, whose
-    tension under a constant command c is ``F(t) = c + (F - c) cos(wt) + swing sin(wt)`` with the rate of the tension
-    over w as `swing` in N: a quarter of a period ahead ``c + swing``. The drum's damping, left out here, makes it less.
+    Reference governor (Garone, Di Cairano and Kolmanovsky, Automatica 75, 2017, 306-328) of the drum on its rope.
+
+    - On a taut rope the tension under a constant command c is ``F(t) = c + (F - c) cos(wt) + swing sin(wt)`` with the
+      rate of the tension over w as `swing` in N: a quarter of a period ahead ``c + swing``. The drum's damping, left
+      out here, makes it less.
+    - A drum that takes up a slack rope reaches the speed at which its damping takes ``c - F``. `share` is the damping
+      over the drum's impedance: ``F + (c - F)/share`` is the tension once that speed has become tension.
 
     Example:
-        >>> [governed(5500.0, swing, Limits(tension_max=6000.0)) for swing in (0.0, 1000.0, -1000.0)]
+        >>> limits = Limits(tension_max=6000.0)
+        >>> [governed(5500.0, 3000.0, swing, 1.0, limits) for swing in (0.0, 1000.0, -1000.0)]
         [5500.0, 5000.0, 5500.0]
+        >>> [governed(5500.0, tension, 0.0, 0.25, limits) for tension in (0.0, 3000.0)]
+        [1500.0, 3750.0]
     """
-    largest = clip(limits.tension_max - maximum(swing, 0.0), limits.tension_min, limits.command_max)
+    taken_up = tension + share * (limits.tension_max - tension)
+    largest = minimum(limits.tension_max - maximum(swing, 0.0), taken_up)
+    largest = clip(largest, limits.tension_min, limits.command_max)
     return clip(command, limits.tension_min, largest)
 
 
