@@ -167,8 +167,8 @@ def with_taut_ropes(structure: LoopStructure) -> LoopStructure:
 def in_calm(experiment: Experiment) -> Experiment:
     """The experiment without disturbances, sensor errors and anything else that prevents steady motion.
 
-    Torque commands are not quantised, slow parts of a controller are updated at every sample, and its gates pass every
-    measurement; for the plant see `still_plant`.
+    Motors have no limits, torque commands are not quantised, slow parts of a controller are updated at every sample,
+    and its gates pass every measurement; for the plant see `still_plant`.
     """
     # unit noise gives the noise inputs of the linear system the units of the sensors
     sensors = replace(
@@ -192,6 +192,7 @@ def in_calm(experiment: Experiment) -> Experiment:
         experiment,
         controller=with_leaves(experiment.controller, slow),
         plant=still_plant(experiment.plant),
+        actuator=experiment.actuator.unlimited(),
         disturbance=Disturbance(),
         sensors=sensors,
         simulation=simulation,

@@ -15,7 +15,7 @@ From heat 1 on the drive gives the continuous torque only, until the motor has c
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import annotated_types as at
@@ -52,6 +52,10 @@ class Actuator(Part):
         A run begins with it, at the torque that holds the rope. Default: `initial_state`.
         """
         return self.initial_state()
+
+    def unlimited(self) -> "Actuator":
+        """The actuator without limits on its torque, whose loop `analysis` linearises. Default: itself."""
+        return self
 
     @abstractmethod
     def step(self, state: Any, demand: Demand, sample_time: Scalar) -> tuple[Any, Scalar]:
@@ -146,6 +150,10 @@ class Motor(Actuator):
         if not present(self.continuous_torque):
             return MotorState(torque)
         return WarmMotorState(torque, (torque / self.continuous_torque) ** 2)
+
+    def unlimited(self) -> "Motor":
+        """The lag alone: a motor that is always cold and below its base speed."""
+        return replace(self, rate_limit=None, torque_limit=0.0, continuous_torque=0.0)
 
     def step(self, state: MotorState, demand: Demand, sample_time: Scalar) -> tuple[MotorState, Scalar]:
         """Torque at the next sample, and its mean until then."""

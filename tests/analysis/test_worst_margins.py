@@ -85,6 +85,16 @@ def test_margins_are_those_of_one_loop_after_the_other(
     assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-9)
 
 
+def test_margins_are_those_of_motors_without_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    at(monkeypatch, [(2.5, -1.8)])
+    limits = {"torque_limit": 40.0, "base_speed": 60.0, "continuous_torque": 20.0}
+    lag = override(PAPER, {"actuator.kind": "motor"})
+    limited = override(lag, {f"actuator.motor.{name}": value for name, value in limits.items()})
+    (found,), (wanted,) = (MarginSurvey([experiment]).worst([[]]) for experiment in (limited, lag))
+    assert found == wanted
+    assert found["disk"].value > 0
+
+
 @pytest.mark.slow
 def test_margins_on_heavy_ropes_and_gears_are_those_of_one_loop_after_the_other() -> None:
     """On the nominal machine of the site with damped drums and a law without chatter; its ropes' sag at its softest."""
@@ -240,10 +250,15 @@ def test_machines_of_the_site_have_a_stable_rest(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("config", [None, TUNED], ids=["start", "tuned"])
-def test_machines_of_the_site_move_steadily_everywhere(config: Path | None) -> None:
-    """Under sag and drums that differ from the nominal ones, where the filter's gates shut out the first guess."""
-    problem = tuning_problem(ensemble="site", config=config)
+@pytest.mark.parametrize(
+    ("ensemble", "config"), [("site", None), ("site", TUNED), ("overload", None)], ids=["start", "tuned", "overload"]
+)
+def test_machines_of_the_site_move_steadily_everywhere(ensemble: str, config: Path | None) -> None:
+    """Under sag and drums that differ from the nominal ones, where the filter's gates shut out the first guess.
+
+    Motors that would grow hot or lose their torque at speed are taken to be cold and slow.
+    """
+    problem = tuning_problem(ensemble=ensemble, config=config)
     machines = problem.drawn(14, 11, problem.tuned(problem.start))
     survey = MarginSurvey(machines, amplitudes=[0.002], openings=("u",))
     assert any(v > 1 for _, v in survey_points(problem.experiment))
