@@ -382,6 +382,9 @@ def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None 
 
 DEFAULT_OBJECTIVES = ("mean.mse",)
 
+OVERLOADED_OBJECTIVES = ("geomean.mse",)
+"""Default where overloads are drawn: what these throw the vehicle off, with any gains, would decide a mean."""
+
 
 def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[Statistic, ...]:
     """Parse the statistics to minimise, e.g. ``["mean.mse", "mean.chatter"]``; more than one make a Pareto front.

@@ -43,6 +43,7 @@ from dualwinch.tuning.baseline import (
 )
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,
+    OVERLOADED_OBJECTIVES,
     constraints_with,
     default_constraints,
     objectives_from,
@@ -95,7 +96,7 @@ def tuning_problem(
         ensemble: name or file of an ensemble, whose nominal values replace those of the experiment, case or file; or an
             ensemble of your own, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
-        objectives: statistics to minimise; default: ``mean.mse``.
+        objectives: statistics to minimise; default: ``mean.mse``, or ``geomean.mse`` where overloads are drawn.
         constraints: such as ``mean.chatter<=0.25*paper``. They add to the default ones (no slack, no peak, little
             chatter and, in an ensemble, stability margins); one on the same statistic replaces it. ``none`` among them,
             or an empty list, drops the default ones.
@@ -148,15 +149,17 @@ def tuning_problem(
     whole_number("scenarios", count, 1)
     whole_number("seed", seed)
     swinging = swings(base.plant)
+    overloads = any(leaves(base).get(key) or (draws and key in draws.distributions) for key in SIZES)
     defaults = default_constraints(
         draws is not None,
         lag=not is_ideal(base.actuator),
         swinging=swinging,
         resonance=swinging and isinstance(base.controller.law, SLIDING_MODE),
         own=draws is not None and draws.name not in built_in_ensembles(),
-        overloads=any(leaves(base).get(key) or (draws and key in draws.distributions) for key in SIZES),
+        overloads=overloads,
     )
-    minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
+    objectives = objectives or (OVERLOADED_OBJECTIVES if overloads else DEFAULT_OBJECTIVES)
+    minimised = objectives_from(objectives, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
     gains = space_of(_entries(space), base, further_gains(machines) if machines else None).without(excluded)
     if not space:

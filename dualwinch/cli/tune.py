@@ -135,7 +135,8 @@ def tune(
             controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. May be
             repeated. Default: all gains in use.
         objective: mean, geomean (geometric mean: of the logarithms, so that few large errors count little), median, p95
-            or worst of a metric, e.g. mean.mse; may be repeated: Pareto front.
+            or worst of a metric, e.g. mean.mse; may be repeated: Pareto front. Default: mean.mse, or geomean.mse where
+            overloads are drawn.
         constraint: e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%,
             worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Added to the defaults: no slack, no
             peak beyond tension_max, little chatter, and in an ensemble stability margins; none leaves these out.

@@ -220,6 +220,7 @@ def test_where_ropes_sag_the_filter_knows_it(tmp_path: Path) -> None:
 
 
 def test_where_overloads_are_drawn_the_tensions_of_their_recovery_are_bounded() -> None:
+    assert [problem_of(name).objectives[0].name for name in ("site", "overload")] == ["mean.mse", "geomean.mse"]
     usual, overloaded = (problem_of(name).constraints for name in ("site", "overload"))
     assert [constraint.label for constraint in overloaded][:2] == [
         "worst.slack_share <= 0.005",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.simulation.batch.workers import Workers, threads_of
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import CHECKS
@@ -18,7 +19,7 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.cutting_set import CuttingSet, Place
 from dualwinch.tuning.scoring.fresh_means import FreshMeans
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
-from dualwinch.tuning.scoring.rollouts import worst_of
+from dualwinch.tuning.scoring.rollouts import over, worst_of
 from dualwinch.tuning.scoring.scorer import Margins, Scorer
 from dualwinch.tuning.scoring.training_set import LARGEST_LAG, TrainingSet, beyond_authority_as_hard, with_authority
 from dualwinch.tuning.space import Value
@@ -254,7 +255,9 @@ class Evaluator(Scorer):
         self.meter.draws.add(began, count)
         return FreshDraws(beyond_authority_as_hard(draws, within), lags <= LARGEST_LAG)
 
-    def learn(self, entry: ArchiveEntry, draws: "FreshDraws", runs: RunOutcomes, means: FreshMeans) -> int:
+    def learn(
+        self, entry: ArchiveEntry, draws: "FreshDraws", runs: RunOutcomes, means: FreshMeans, *, back_off: bool = False
+    ) -> int:
         """Make cuts, and back-off of bounds on means, of a candidate's runs in fresh draws.
 
         Args:
@@ -262,6 +265,7 @@ class Evaluator(Scorer):
             draws: in which it was run; those in which it falls far behind for lack of force are no cuts.
             runs: one row.
             means: bounds on means in these draws.
+            back_off: whether bounds on the worst case get a back-off, too.
 
         Returns:
             The number of draws, of those that may become cuts, in which it violates a bound.
@@ -271,9 +275,14 @@ class Evaluator(Scorer):
         worst = worst_of(row, self.training.constraints)[0]
         violating = np.flatnonzero(worst > 0).tolist()
         statistics = entry.evaluation.statistics
-        on_means = [bound for bound in self.training.constraints if bound.kind == "mean"]
-        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in on_means}
-        self.cutting.learn_back_off(means.violations, training)
+        bounds = [each for each in self.training.constraints if each.kind in ("mean", *["run"] * back_off)]
+        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in bounds}
+        of_runs = {
+            bound.label: bound.violation(over(bound.statistic, row, 0, scenarios))
+            for bound in bounds
+            if isinstance(bound.statistic, Statistic) and bound.statistic.kind == "worst"
+        }
+        self.cutting.learn_back_off({**means.violations, **of_runs}, training)
         cuts = [replace(scenarios[index], hard=True) for index in violating]
         numbers = self.cutting.add_draws(cuts, worst[violating])
         entry.runs |= {number: row.take([violating[index]], axis=1) for number, index in numbers.items()}

@@ -259,7 +259,7 @@ class Certification:
         self._draws += max(certificate.draws, certificate.machines)
         self._reference_runs = max(self._reference_runs, means.reference_runs)
         if runs and not certificate.satisfied:
-            evaluator.learn(entry, draws, concatenated(runs), means)
+            evaluator.learn(entry, draws, concatenated(runs), means, back_off=True)
         return certificate
 
     def best(self) -> Examination:

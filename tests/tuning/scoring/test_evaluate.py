@@ -77,7 +77,8 @@ def test_a_batch_is_halved_while_its_scenarios_double_and_the_papers_gains_are_r
     assert evaluator.rollouts == sum(number * count for number, count in counts.items())
 
 
-def test_draws_in_which_the_leader_violates_a_bound_become_cuts(make_problem: MakeProblem) -> None:
+@pytest.mark.parametrize("back_off", [False, True])
+def test_draws_in_which_the_leader_violates_a_bound_become_cuts(back_off: bool, make_problem: MakeProblem) -> None:
     free = Evaluator(prepare(make_problem()))
     (leader,) = loads(free, [1500])
     draws = free.fresh("checks", 0, 100)
@@ -91,13 +92,15 @@ def test_draws_in_which_the_leader_violates_a_bound_become_cuts(make_problem: Ma
     entry = evaluator.archive[point_key(leader)]
     before = dict(evaluator.cutting.cuts)
     runs = evaluator.run([leader], draws.scenarios)
-    evaluator.learn(entry, draws, runs, FreshMeans(evaluator, 0.05))
+    evaluator.learn(entry, draws, runs, FreshMeans(evaluator, 0.05), back_off=back_off)
     added = [cut for number, cut in evaluator.cutting.cuts.items() if number not in before]
     worst = np.argsort(-peaks)[: min(CUTS_AT_ONCE, int((peaks > bound).sum()))]
     assert {cut.index for cut in added} == {draws.scenarios[index].index for index in worst}
     assert all(cut.hard for cut in added)
     assert entry.evaluation.statistics["worst.peak_tension"] == pytest.approx(peaks.max())
-    assert not evaluator.cutting.back_off
+    (constraint,) = evaluator.training.constraints
+    learnt = {constraint.label: pytest.approx((peaks.max() - trained) / bound)} if back_off else {}
+    assert evaluator.cutting.back_off == learnt, "slack in training and excess"
     calmer, louder = evaluator.evaluate(loads(evaluator, [800, 2400]))
     assert calmer.scenarios == 6 + len(added)
     assert calmer.statistics["worst.peak_tension"] < louder.statistics["worst.peak_tension"]
