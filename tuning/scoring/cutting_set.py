@@ -32,9 +32,9 @@ class CuttingSet:
     Attributes:
         draws: number of a random draw → the scenario, or the experiment.
         cuts: number of a cut → its scenario.
-        back_off: label of a bound on a mean → distance to keep from it, as a share: by how much a candidate's mean in
-            fresh draws exceeded that in training. Bounds on runs and margins need none: draws and machines that violate
-            them are cuts.
+        back_off: label of a bound → distance to keep from it, as a share: by how much a candidate's mean in fresh draws,
+            or the worst run of one that was not certified, exceeded that in training. Bounds on margins need none:
+            machines that violate them are cuts.
         survey: of the nominal machine, the drawn ones of the training set and those of cuts; ``None``: no margin is
             bounded.
         version: number of changes of `survey`.
@@ -79,7 +79,7 @@ class CuttingSet:
         }
 
     def learn_back_off(self, fresh: Mapping[str, float], training: Mapping[str, float]) -> None:
-        """Raise the back-off of violated bounds on means to the candidate's slack in training plus its excess.
+        """Raise the back-off of violated bounds to the candidate's slack in training plus its excess.
 
         Args:
             fresh: label → violation in fresh scenarios.
