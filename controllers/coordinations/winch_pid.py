@@ -150,17 +150,18 @@ def winch_step(
     shape = state.shaped
     if drum is not None:
         shape, command = shaped(shape, command, drum, gains.shaping, sample_time, state.primed)
-    slow, stretching, level, held = state.slip, 0.0, state.tension, False
+    slow, stretching, level, limitation = state.slip, 0.0, state.tension, False
     if present(gains.damping):
         ahead, slow = _ahead(slow, motion.slip, gains.lead, sample_time)
         stretching = ahead - motion.drift
         before = where(has_begun(state.primed), level, tension)
         swing, level = _swing(before, tension, motion, sample_time)
         damping = gains.damping / to_torque
-        wanted = command - damping * motion.drift
+        demand = command - damping * motion.drift
         share = damping / maximum(damping, motion.impedance)
-        command = governed(wanted, tension, swing, share, limits)
-        held = command != wanted
+        friction = winch.coulomb_friction / winch.drum_radius
+        command = governed(demand, tension, swing, share, limits, friction)
+        limitation = command != demand
     error = command - tension
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
@@ -170,11 +171,13 @@ def winch_step(
     saturated = torque != unlimited_torque
     if present(gains.damping):
         torque = clip(torque - gains.damping * stretching, 0.0, to_torque * limits.tension_max)
-    clamped_integral = state.integral + sample_time * where(either(saturated, held), 0.0, error)
+    clamped_integral = state.integral + sample_time * where(either(saturated, limitation), 0.0, error)
     return WinchState(clamped_integral, error, 1.0, slow, level, shape), torque, saturated
 
 
-def governed(command: Scalar, tension: Scalar, swing: Scalar, share: Scalar, limits: Limits) -> Scalar:
+def governed(
+    command: Scalar, tension: Scalar, swing: Scalar, share: Scalar, limits: Limits, friction: Scalar = 0.0
+) -> Scalar:
     """A tension command in N within its limits that the drum does not make exceed the largest tension.
 
     Reference governor (Garone, Di Cairano and Kolmanovsky, Automatica 75, 2017, 306-328) of the drum on its rope.
@@ -182,8 +185,9 @@ def governed(command: Scalar, tension: Scalar, swing: Scalar, share: Scalar, lim
     - On a taut rope the tension under a constant command c is ``F(t) = c + (F - c) cos(wt) + swing sin(wt)`` with the
       rate of the tension over w as `swing` in N: a quarter of a period ahead ``c + swing``. The drum's damping, left
       out here, makes it less.
-    - A drum that takes up a slack rope reaches the speed at which its damping takes ``c - F``. `share` is the damping
-      over the drum's impedance: ``F + (c - F)/share`` is the tension once that speed has become tension.
+    - A drum that takes up a slack rope reaches the speed at which its damping takes ``c - F - friction``. `share` is
+      the damping over the drum's impedance: ``F + (c - F - friction)/share`` is the tension once that speed has become
+      tension.
 
     Example:
         >>> limits = Limits(tension_max=6000.0)
@@ -192,7 +196,7 @@ def governed(command: Scalar, tension: Scalar, swing: Scalar, share: Scalar, lim
         >>> [governed(5500.0, tension, 0.0, 0.25, limits) for tension in (0.0, 3000.0)]
         [1500.0, 3750.0]
     """
-    taken_up = tension + share * (limits.tension_max - tension)
+    taken_up = tension + friction + share * (limits.tension_max - tension)
     largest = minimum(limits.tension_max - maximum(swing, 0.0), taken_up)
     largest = clip(largest, limits.tension_min, limits.command_max)
     return clip(command, limits.tension_min, largest)

@@ -32,9 +32,9 @@ class CuttingSet:
     Attributes:
         draws: number of a random draw → the scenario, or the experiment.
         cuts: number of a cut → its scenario.
-        back_off: label of a bound → distance to keep from it, as a share: by how much a candidate's mean in fresh draws,
-            or the worst run of one that was not certified, exceeded that in training. Bounds on margins need none:
-            machines that violate them are cuts.
+        back_off: label of a bound → distance to keep from it, as a share: by how much a candidate's mean in fresh
+            draws, or the worst run of one that was not certified, exceeded that in training. Bounds on margins need
+            none: machines that violate them are cuts.
         survey: of the nominal machine, the drawn ones of the training set and those of cuts; ``None``: no margin is
             bounded.
         version: number of changes of `survey`.

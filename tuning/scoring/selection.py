@@ -15,7 +15,7 @@
 4. **Certificate** (`tuning.scoring.certificate`): leaders in order; each first on fresh machines, for its margins,
    then in fresh draws until they support ε or make it unlikely (sequential probabilistic validation; Alamo, Tempo,
    Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds there, too (`tuning.scoring.fresh_means`). A
-   rejection, or an end of the budget before a decision, makes cuts and a back-off of violated bounds, which reorders the
+   rejection, or an end of the budget before a decision, makes cuts and a back-off of violated bounds, which reorder the
    other candidates; the start is one of them. Leaders that have passed a check are examined during the search, while
    certificates are below a share of the rollouts; later ones only if their objective is smaller than that of the
    certified one. At the end the last leader is examined; after a rejection the search goes on while its budget, an
