@@ -134,7 +134,6 @@ def main(words: Sequence[str] | None = None) -> int:
         help="faults of sensors, with the filter's gate, without, and with the paper's",
     )
     add("--late", action="store_true", help="delays of the position sensor, as told and learnt, and with the paper's")
-    add("--linear-speed", type=float, default=0.01, metavar="FLOAT", help="of the gains in m/s (default: 0.01)")
     add("--machines", type=int, default=40, metavar="INT", help="machines in each row (default: 40)")
     add("--seed", type=int, default=1, metavar="INT", help="of the first machine (default: 1)")
     add("--paper-damping", type=float, default=140.0, metavar="FLOAT", help="of drum speeds beside the paper's gains")
@@ -142,9 +141,7 @@ def main(words: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     try:
         with TemporaryDirectory() as folder:
-            gains = dualwinch.override(
-                dualwinch.load(arguments.config), {"controller.nftsm.linear_speed": arguments.linear_speed}
-            )
+            gains = dualwinch.load(arguments.config)
             experiments, rows = {"gains": gains}, OVERLOADS
             if arguments.sensors:
                 ungated = dualwinch.override(gains, {"controller.trust.false_alarm": 0.0})

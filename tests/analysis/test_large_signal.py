@@ -10,7 +10,7 @@ from dualwinch.analysis.margin_survey import MarginSurvey
 from dualwinch.analysis.remarks import large_signal_remarks, loop_remarks
 from dualwinch.analysis.resonance import LARGE_SIGNAL, RESONANCE
 
-TUNED = dw.load(Path(__file__).parents[2] / "benchmarks/independent/tuned_in_site.toml")
+TUNED = dw.load(Path(__file__).parents[1] / "power_law_in_site.toml")
 STEEP = dw.override(
     dw.case(4),
     {

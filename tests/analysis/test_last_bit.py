@@ -19,7 +19,7 @@ from dualwinch.model.linear.properties import dc_gains, is_controllable, is_stab
 from tests.last_bit import COMPUTERS, LAST_BIT, SEEDS, perturbed
 
 PAPER = dw.case(2)
-TUNED = dw.load(Path(__file__).parents[2] / "benchmarks/independent/tuned_in_site.toml")
+TUNED = dw.load(Path(__file__).parents[1] / "power_law_in_site.toml")
 
 
 def integrators(count: int) -> dw.LinearSystem:

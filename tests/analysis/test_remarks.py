@@ -180,7 +180,7 @@ def test_tensions_far_beyond_their_limit_are_said() -> None:
 def test_a_loop_that_tolerates_little_further_delay_is_said_to_be() -> None:
     """Damped drums of heavy winches behind a gearbox: by two samples, at a motor's torque; without lead by one."""
     assert not list(delay_remarks(case(4), 5e-3))
-    tuned = load(Path(__file__).parents[2] / "benchmarks/independent/tuned_in_site.toml")
+    tuned = load(Path(__file__).parents[1] / "power_law_in_site.toml")
     (said,) = delay_remarks(tuned, 5e-3)
     least = margins(linear_open_loop(tuned, 25.0, opening="tau_1")).delay
     late = override(tuned, {"controller.winch_1.lead": 0.0, "controller.winch_2.lead": 0.0})

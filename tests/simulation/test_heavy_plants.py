@@ -24,6 +24,11 @@ from tests.toolboxes.stepper.feeding import feed, torques_of
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
 INDEPENDENT = Path(__file__).parents[2] / "benchmarks/independent"
+GAINS = {
+    "power_law_in_site": Path(__file__).parents[1] / "power_law_in_site.toml",
+    **{name: INDEPENDENT / f"{name}.toml" for name in ("searched", "tuned_in_site", "shaped_in_site")},
+}
+"""Name of gains for the site → their file; those of the first have no linear speed."""
 DAMPING = 164.0
 SHAFTS = {"omega_1": "motor_1.omega", "omega_2": "motor_2.omega"}
 """What an encoder gives → the plant's output: it is on the motor's shaft."""
@@ -155,12 +160,12 @@ def test_an_fmu_of_the_plant_moves_as_its_block(version: Any, tmp_path: Path) ->
     )
 
 
-@pytest.mark.parametrize("gains", all_but(["tuned_in_site"], ["searched", "tuned_in_site", "shaped_in_site"]))
+@pytest.mark.parametrize("gains", all_but(["power_law_in_site"], list(GAINS)))
 def test_a_shove_beyond_the_loops_linear_range_fades(gains: str) -> None:
     """10 kN for 0.3 s throw the vehicle to 0.2 m/s; describing functions doubt the loop from 0.1 m/s on."""
     times, forces = [0.0, 20.0, 20.001, 20.3, 20.301, 50.0], [0.0, 0.0, -10e3, -10e3, 0.0, 0.0]
     shove = {f"disturbance.force.{key}": value for key, value in (("times", times), ("values", forces), ("unit", "N"))}
-    run = dw.simulate(dw.override(dw.load(INDEPENDENT / f"{gains}.toml"), {**shove, "simulation.duration": 30.0}))
+    run = dw.simulate(dw.override(dw.load(GAINS[gains]), {**shove, "simulation.duration": 30.0}))
     t, off = run["t"], np.abs(run["v"] - run["v_ref"])
     assert off[t < 20].max() < 0.01
     assert off[t < 21].max() > 0.2
@@ -170,14 +175,14 @@ def test_a_shove_beyond_the_loops_linear_range_fades(gains: str) -> None:
 def test_a_linear_speed_calms_the_drums_after_a_shove() -> None:
     """5 kN for 3 s: at the speed errors that they leave, a power of it keeps the drums oscillating at 10 Hz.
 
-    The governor of the tension commands bounds the tension either way.
+    The governor of the tension commands bounds the tension either way, and calms the power law as well.
     """
     times, forces = [0.0, 2.0, 2.001, 5.0, 5.001, 50.0], [0.0, 0.0, -5e3, -5e3, 0.0, 0.0]
     shove = {f"disturbance.force.{key}": value for key, value in (("times", times), ("values", forces), ("unit", "N"))}
-    shoved = dw.override(dw.load(INDEPENDENT / "tuned_in_site.toml"), {**shove, "simulation.duration": 12.0})
+    shoved = dw.override(dw.load(GAINS["power_law_in_site"]), {**shove, "simulation.duration": 12.0})
     power, linear = (
         dw.simulate(dw.override(shoved, {"controller.nftsm.linear_speed": speed})).metrics for speed in (0.0, 0.01)
     )
     assert max(linear.peak_tension, power.peak_tension) < shoved.controller.limits.tension_max
-    assert 1.5 * linear.chatter < power.chatter
+    assert 1.3 * linear.chatter < power.chatter
     assert linear.mse < 1.05 * power.mse
