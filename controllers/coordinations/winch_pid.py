@@ -150,7 +150,7 @@ def winch_step(
     shape = state.shaped
     if drum is not None:
         shape, command = shaped(shape, command, drum, gains.shaping, sample_time, state.primed)
-    slow, stretching, level, limitation = state.slip, 0.0, state.tension, False
+    slow, stretching, level, demand = state.slip, 0.0, state.tension, command
     if present(gains.damping):
         ahead, slow = _ahead(slow, motion.slip, gains.lead, sample_time)
         stretching = ahead - motion.drift
@@ -161,17 +161,17 @@ def winch_step(
         share = damping / maximum(damping, motion.impedance)
         friction = winch.coulomb_friction / winch.drum_radius
         command = governed(demand, tension, swing, share, limits, friction)
-        limitation = command != demand
     error = command - tension
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
     feedforward = to_torque * command + total_inertia(winch) / winch.gear_ratio * motion.alpha_d
     unlimited_torque = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
     torque = clip(unlimited_torque, to_torque * limits.tension_min, to_torque * limits.tension_max)
-    saturated = torque != unlimited_torque
+    saturated = limitation = torque != unlimited_torque
     if present(gains.damping):
+        limitation = either(saturated, command != demand)
         torque = clip(torque - gains.damping * stretching, 0.0, to_torque * limits.tension_max)
-    clamped_integral = state.integral + sample_time * where(either(saturated, limitation), 0.0, error)
+    clamped_integral = state.integral + sample_time * where(limitation, 0.0, error)
     return WinchState(clamped_integral, error, 1.0, slow, level, shape), torque, saturated
 
 
