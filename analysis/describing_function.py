@@ -3,13 +3,14 @@
 The sliding-mode law feeds back |e2|^(2−p/q), whose slope at zero would be infinite without smoothing, and |e2|^(p/q),
 whose slope there is zero. A Jacobian contains only these slopes. For a speed error ``A sin(w t)`` the effective gain
 is that of the first harmonic, the describing function; replacing the slope by it makes the loop linear for that
-amplitude. A boundary layer that widens with the speed error (`controllers.laws.nftsm`) divides the position error, a
-quarter of a period behind, as well.
+amplitude. That a widening boundary layer (`controllers.laws.nftsm`) divides the position error, too, is left out: in
+oscillations as fast as those of drums on their ropes that error is small, and in slow ones of a large amplitude it is
+beyond the layer, where describing functions of the speed error alone say nothing.
 
 Reference: Khalil, Nonlinear Systems, 2002, Section 7.2.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,14 +30,11 @@ Floats = NDArray[np.float64]
 LARGEST_SPEED_ERROR = 0.3
 """Largest amplitude of the speed error in m/s of default ranges: what a push leaves while the force is at its limit."""
 
-SMALL_SPEED_ERROR = 0.01
-"""Amplitude of the speed error in m/s that disturbances leave while the force follows its command."""
-
 AMPLITUDES = (*np.geomspace(1e-7, 1e-1, 25).tolist(), LARGEST_SPEED_ERROR)
 """Default amplitudes of the speed error in m/s."""
 
-PROBES = ((1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0), (1e-2, 2.0))
-"""Smoothings in m/s, and factors on the reaching law, with which the loop is linearised, to separate the gains."""
+PROBES = (1e-3, 1e-2, 1e-1)
+"""Smoothings in m/s at which the loop is linearised, to separate the contributions of the two slopes."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +44,10 @@ class DescribingGains:
     Attributes:
         terminal: that of sig(e2, 2 − p/q), in (m/s)^(1−p/q).
         surface: that of sig(e2, p/q), over the layer's width if it widens, in (m/s)^(p/q−1).
-        position: that of the position error over the layer's width; 1 if it does not widen.
     """
 
     terminal: Any
     surface: Any
-    position: Any
 
     @classmethod
     def of(cls, amplitude: Any, ratio: Any, smoothing: Any, linear_speed: Any = 0.0) -> "DescribingGains":
@@ -59,13 +55,7 @@ class DescribingGains:
         return cls(
             terminal=describing_gain(amplitude, 2 - ratio, smoothing),
             surface=describing_gain(amplitude, ratio, smoothing, linear_speed),
-            position=position_gain(amplitude, ratio, linear_speed),
         )
-
-
-def margin_amplitudes(experiment: Experiment) -> tuple[float, ...]:
-    """Amplitudes of the speed error in m/s at which margins are bounded: noise of the sensor, small, and largest."""
-    return tuple(sorted({experiment.sensors.speed_noise, SMALL_SPEED_ERROR, LARGEST_SPEED_ERROR}))
 
 
 @dataclass(frozen=True)
@@ -87,9 +77,6 @@ class AmplitudePoint:
 
 ANGLES = 256
 """Angles of the midpoint rule for describing functions, whose error falls faster than with their third power."""
-
-SQUARED_SINES = np.sin((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES)) ** 2
-"""Squared sines of the angles, over a quarter of a period."""
 
 
 def describing_gain(
@@ -114,33 +101,15 @@ def describing_gain(
     return smoothing ** (exponent - 1) * hyp2f1((1 - exponent) / 2, 1.5, 2.0, -size)
 
 
-def position_gain(
-    amplitude: float | Floats, exponent: float | Floats, linear_speed: float | Floats = 0.0
-) -> float | Floats:
-    """First harmonic of the position error ``cos(w t)`` over ``(1 + (z/v)²)^((a−1)/2)``, z = A sin(w t).
-
-    The divisor is the width of the boundary layer (`controllers.laws.nftsm`) with the linear speed v: the gain is 1 for
-    v = 0. Arguments as
-    in `describing_gain`.
-    """
-    if not np.any(linear_speed):
-        return 1.0
-    amplitude, exponent, linear_speed = _against_angles(amplitude, exponent, linear_speed)
-    widths = (1 + amplitude**2 * SQUARED_SINES / linear_speed**2) ** ((exponent - 1) / 2)
-    return 2 * np.mean((1 - SQUARED_SINES) / widths, axis=-1)
-
-
 def _widened_gain(amplitude: Any, exponent: Any, smoothing: Any, linear_speed: Any) -> Any:
-    """`describing_gain` with a linear speed."""
-    amplitude, exponent, smoothing, linear_speed = _against_angles(amplitude, exponent, smoothing, linear_speed)
-    size = amplitude**2 * SQUARED_SINES
+    """`describing_gain` with a linear speed, by the midpoint rule over a quarter of a period."""
+    square = np.sin((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES)) ** 2
+    amplitude, exponent, smoothing, linear_speed = (
+        np.asarray(value, float)[..., np.newaxis] for value in (amplitude, exponent, smoothing, linear_speed)
+    )
+    size = amplitude**2 * square
     slopes = ((size + smoothing**2) / (1 + size / linear_speed**2)) ** ((exponent - 1) / 2)
-    return 2 * np.mean(SQUARED_SINES * slopes, axis=-1)
-
-
-def _against_angles(*values: Any) -> Iterator[Floats]:
-    """Arrays with a last axis for `SQUARED_SINES`."""
-    return (np.asarray(value, float)[..., np.newaxis] for value in values)
+    return 2 * np.mean(square * slopes, axis=-1)
 
 
 def amplitude_sweep(
@@ -184,13 +153,12 @@ def amplitude_sweep(
 class LoopByAmplitude:
     """An opened loop as a function of the amplitude of the speed error.
 
-    The force is linear in the law's gains and the rest is linear in the force, so that linearisations with as many
-    smoothings and reaching laws as there are gains determine the constant part of the matrices and what each of them
-    contributes.
+    The force is linear in both gains and the rest is linear in the force, so that three linearisations determine the
+    constant part of the matrices and the parts that each of the gains contributes.
 
     Attributes:
         template: the system at one of the linearisations.
-        parts: matrix name → (4, rows, columns): constant part, and contribution of each gain.
+        parts: matrix name → (3, rows, columns): constant part, and contribution of each unit gain.
         ratio: p/q of the law.
         smoothing, linear_speed: in m/s.
     """
@@ -212,12 +180,11 @@ class LoopByAmplitude:
         """
         law = sliding_mode(experiment, "has no odd power of the speed error; must be")
         gains, power, systems = law.nftsm, law.nftsm.p / law.nftsm.q - 1, []
-        for smoothing, factor in PROBES:
-            reaching = {"eta": factor * gains.eta, "k": factor * gains.k}
-            probe = replace(law, nftsm=replace(gains, smoothing=smoothing, **reaching))
+        for smoothing in PROBES:
+            probe = replace(law, nftsm=replace(gains, smoothing=smoothing))
             controller = replace(experiment.controller, law=probe)
             systems.append(whole_open_loop(replace(experiment, controller=controller), x, v, opening, nominal))
-        slopes = np.array([[1.0, width**-power, factor * width**power, factor] for width, factor in PROBES])
+        slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
         shares = np.linalg.inv(slopes)
         parts = {
             name: np.tensordot(shares, np.array([getattr(system, name) for system in systems]), axes=1)
@@ -232,6 +199,6 @@ class LoopByAmplitude:
     def at(self, amplitude: float) -> LinearSystem:
         """The opened loop at an amplitude in m/s, without idle states."""
         gains = self.gains(amplitude)
-        weights = np.array([1.0, gains.terminal, gains.surface, gains.position], float)
+        weights = np.array([1.0, gains.terminal, gains.surface], float)
         matrices = {name: np.tensordot(weights, part, axes=1) for name, part in self.parts.items()}
         return without_idle_states(replace(self.template, **matrices))

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR, margin_amplitudes
+from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR
 from dualwinch.analysis.linear_loop import fastest_growing, linear_closed_loop
 from dualwinch.analysis.margin_survey import (
     UNSTABLE,
@@ -251,8 +251,9 @@ def designed(
     ensemble = machine if isinstance(machine, Ensemble) else None
     scenarios = replace(ensemble, experiment=base).chosen(range(draws + checks), seed) if ensemble else []
     machines: list[Experiment | Scenario] = [base, *scenarios]
+    amplitudes = sorted({base.sensors.speed_noise, 0.01})
     names = [name for name in parameters_of(base) if name.startswith("controller.")]
-    survey = MarginSurvey(machines, names, amplitudes=margin_amplitudes(base), compiled=compiled)
+    survey = MarginSurvey(machines, names, amplitudes=amplitudes, compiled=compiled)
     verified = set(range(1 + draws if ensemble else 1))
 
     def verify(shares: Shares) -> Design:

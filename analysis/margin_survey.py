@@ -32,7 +32,7 @@ SHARES = (0.05, 0.5, 0.95)
 TOGETHER = 48
 """Places (gains, machine and point) computed at once, few enough for the processor's cache."""
 
-ODD_POWERS = tuple(f"controller.nftsm.{name}" for name in ("p", "smoothing", "beta", "eta", "k", "q", "linear_speed"))
+ODD_POWERS = tuple(f"controller.nftsm.{name}" for name in ("p", "smoothing", "beta", "q", "linear_speed"))
 """Keys of the sliding-mode law on which the slopes of its odd powers of the speed error depend; the last may lack."""
 
 
@@ -90,9 +90,9 @@ class MarginSurvey:
 
     Margins are those of infinitesimal motions, or the smallest at some amplitudes of the speed error: the sliding-mode
     law feeds back odd powers of it, whose slopes at zero say little about a loop with noisy sensors. For an amplitude,
-    the slopes are replaced by describing functions (`describing_function`): N of ``|e2|^(2 - p/q)``, M of
-    ``|e2|^(p/q)`` and E of the position error. With a smoothing of 1 m/s the slopes of the powers are 1. The law then
-    has these gains with ``beta E/M`` in place of beta, ``p E/(N M)`` in place of p, and E times eta and k.
+    the slopes are replaced by describing functions (`describing_function`), N of ``|e2|^(2 - p/q)`` and M of
+    ``|e2|^(p/q)``. With a smoothing of 1 m/s the slopes of the powers are 1; the law then has these gains with
+    ``beta/M`` in place of beta and ``p/(N M)`` in place of p.
 
     Attributes:
         machines: the given machines.
@@ -256,11 +256,10 @@ class MarginSurvey:
         """Parameters (n, parameters) of laws whose slopes at zero equal their describing functions at an amplitude."""
         if not amplitude:
             return parameters
-        p, smoothing, beta, eta, k, q, *linear_speed = parameters[:, self._powers].T
+        p, smoothing, beta, q, *linear_speed = parameters[:, self._powers].T
         gains = DescribingGains.of(amplitude, p / q, smoothing, *linear_speed)
-        position, width = gains.position, gains.position / gains.surface
+        equivalent = p / (gains.terminal * gains.surface), np.ones_like(p), beta / gains.surface
         changed = parameters.copy()
-        equivalent = p * width / gains.terminal, np.ones_like(p), beta * width, eta * position, k * position
         changed[:, self._powers[: len(equivalent)]] = np.column_stack(equivalent)
         return changed
 

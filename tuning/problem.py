@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
-from dualwinch.analysis.describing_function import margin_amplitudes
 from dualwinch.codegen.text import enumeration
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import paper_controller
@@ -19,6 +18,7 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.baseline import swings
 from dualwinch.tuning.constraints import Constraint, MarginStatistic
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
@@ -28,6 +28,9 @@ TRAINING, CHECKS, CERTIFICATE, TEST, SEARCH, DESIGN = "training", "checks", "cer
 
 STEADY_PREFIX = "steady_"
 """Prefix of the names of steady-state metrics."""
+
+AMPLITUDES = (0.01, 0.1)
+"""Amplitudes of the speed error in m/s of margins, besides the sensor's noise; the first alone where drums swing."""
 
 AS_DESCRIBED, DESIGNED = "as it was before tuning", "designed for this machine"
 """Controllers that a search starts from, in words (`TuningProblem.start_words`)."""
@@ -187,7 +190,8 @@ class TuningProblem:
     @property
     def margin_amplitudes(self) -> tuple[float, ...]:
         """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small."""
-        return margin_amplitudes(self.experiment)
+        amplitudes = AMPLITUDES[:1] if swings(self.experiment.plant) else AMPLITUDES
+        return tuple(sorted({self.experiment.sensors.speed_noise, *amplitudes}))
 
     @property
     def bounds_loop_margins(self) -> bool:

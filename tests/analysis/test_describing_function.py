@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from dualwinch.analysis.describing_function import amplitude_sweep, describing_gain, position_gain
+from dualwinch.analysis.describing_function import amplitude_sweep, describing_gain
 from dualwinch.analysis.linear_loop import linear_open_loop
 from dualwinch.analysis.margins import margins
 from dualwinch.controllers.laws.nftsm import NftsmGains, layer_width, odd_power
@@ -32,15 +32,6 @@ def test_describing_gain_of_a_widening_layer_is_the_first_harmonic(amplitude: fl
 
     first = 2 / np.pi * quad(harmonic, 0, np.pi, epsabs=0, epsrel=1e-10, limit=500)[0]
     assert describing_gain(amplitude, 5 / 3, 1e-5, 0.01) == pytest.approx(first / amplitude, rel=1e-6)
-
-
-@pytest.mark.parametrize("amplitude", [1e-7, 1e-3, 0.3])
-def test_position_gain_of_a_widening_layer_is_the_first_harmonic(amplitude: float) -> None:
-    def harmonic(angle: float) -> float:
-        return np.cos(angle) ** 2 / layer_width(amplitude * np.sin(angle), NftsmGains(linear_speed=0.01))
-
-    first = 2 / np.pi * quad(harmonic, 0, np.pi, epsabs=0, epsrel=1e-10, limit=500)[0]
-    assert position_gain(amplitude, 5 / 3, 0.01) == pytest.approx(first, rel=1e-6)
 
 
 def test_small_amplitudes_give_the_jacobian_s_loop_and_large_ones_a_softer_one() -> None:
