@@ -258,14 +258,14 @@ class Evaluator(Scorer):
     def learn(
         self, entry: ArchiveEntry, draws: "FreshDraws", runs: RunOutcomes, means: FreshMeans, *, back_off: bool = False
     ) -> int:
-        """Make cuts, and back-off of bounds on means, of a candidate's runs in fresh draws.
+        """Make cuts and back-off of a candidate's runs in fresh draws.
 
         Args:
             entry: the candidate, up to date with the cuts.
             draws: in which it was run; those in which it falls far behind for lack of force are no cuts.
             runs: one row.
             means: bounds on means in these draws.
-            back_off: whether bounds on the worst case get a back-off, too.
+            back_off: whether bounds on the worst case get a back-off, as those on means do.
 
         Returns:
             The number of draws, of those that may become cuts, in which it violates a bound.
@@ -274,15 +274,16 @@ class Evaluator(Scorer):
         scenarios, row = [draws.scenarios[index] for index in indices], runs.take(indices, axis=1)
         worst = worst_of(row, self.training.constraints)[0]
         violating = np.flatnonzero(worst > 0).tolist()
-        statistics = entry.evaluation.statistics
-        bounds = [each for each in self.training.constraints if each.kind in ("mean", *["run"] * back_off)]
-        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in bounds}
-        of_runs = {
-            bound.label: bound.violation(over(bound.statistic, row, 0, scenarios))
-            for bound in bounds
-            if isinstance(bound.statistic, Statistic) and bound.statistic.kind == "worst"
-        }
-        self.cutting.learn_back_off({**means.violations, **of_runs}, training)
+        constraints, statistics, fresh = self.training.constraints, entry.evaluation.statistics, means.violations
+        if back_off:
+            fresh |= {
+                bound.label: bound.violation(over(bound.statistic, row, 0, scenarios))
+                for bound in constraints
+                if isinstance(bound.statistic, Statistic) and bound.statistic.kind == "worst"
+            }
+        in_training = [bound for bound in constraints if bound.label in fresh]
+        training = {bound.label: bound.violation(statistics[bound.statistic.name]) for bound in in_training}
+        self.cutting.learn_back_off(fresh, training)
         cuts = [replace(scenarios[index], hard=True) for index in violating]
         numbers = self.cutting.add_draws(cuts, worst[violating])
         entry.runs |= {number: row.take([violating[index]], axis=1) for number, index in numbers.items()}
