@@ -255,43 +255,19 @@ class VortexPhase(BuiltIn):
     meaning: ClassVar = "the phase of the vortices is integrated, or not, unlike the described one"
 
     def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:  # noqa: ARG002
-        """One with integrated phase, if the estimated amplitude is implausible.
+        """One with integrated phase, if the estimated amplitude is not significant, or contradicts its prior.
 
         Weak vortices hardly show in smoothed readings, and with the wrong kind of phase their estimated amplitude is
         almost zero or far too large.
         """
-        sea, search = fit.experiment.disturbance, fit.model.options.search
-        share = fit.estimate.experiment.disturbance.vortex_amplitude / (sea.vortex_amplitude or 1.0)
-        plausible = search.negligible_amplitude < share < search.contradicting_amplitude
-        if not sea.vortex or sea.integrated_phase or plausible or self.kind in fit.model.kinds:
+        sea, keys = fit.experiment.disturbance, {each.key for each in fit.method.unknowns}
+        if not sea.vortex or sea.integrated_phase or AMPLITUDE not in keys or self.kind in fit.model.kinds:
+            return
+        if fit.is_significant(AMPLITUDE) and not fit.contradicts(AMPLITUDE):
             return
         experiment = replace(fit.experiment, disturbance=replace(sea, integrated_phase=True))
         nuisances = tuple(each for each in fit.model.nuisances if each.key != AMPLITUDE)
         yield replace(fit.model, nuisances=nuisances).extended(self.kind, experiment)
-
-
-@dataclass(frozen=True)
-class VortexAmplitude(BuiltIn):
-    """Vortices of quite another size."""
-
-    kind: ClassVar = "vortex-amplitude"
-    meaning: ClassVar = "vortices are much weaker or stronger than described"
-
-    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:
-        """One with a wide prior of the amplitude, if logs contradict the described one."""
-        search = fit.model.options.search
-        amplitude = next((each for each in fit.model.nuisances if each.key == AMPLITUDE), None)
-        if amplitude is None or self.kind in fit.model.kinds:
-            return
-        if not (
-            fit.is_at_bound(AMPLITUDE)
-            or fit.conflict(AMPLITUDE) > search.contradiction
-            or screening.amplitude_is_contradicted(fit.experiment, fit.model.options)
-        ):
-            return
-        wide = replace(search, amplitude_share=search.wide_amplitude_share)
-        nuisances = [each for each in nuisance_parameters((), fit.experiment, wide) if each.key == AMPLITUDE]
-        yield fit.model.extended(self.kind, fit.experiment, nuisances)
 
 
 @dataclass(frozen=True)
@@ -319,7 +295,7 @@ class LoadCellLag(BuiltIn):
             )
             if lagging >= punctual:  # a wrong delay looks like a lag
                 return
-        prior = {LOAD_CELL_LAG: Prior(lag, options.search.lag_share * lag)}
+        prior = {LOAD_CELL_LAG: Prior(lag, lag)}
         yield model.extended(self.kind, lagged, unknown_parameters((LOAD_CELL_LAG,), lagged, prior, options.search))
 
 
@@ -344,7 +320,6 @@ ALTERNATIVES: parts.Registry[Alternative] = parts.Registry(
     WinchesAndRopes,
     UndescribedSea,
     VortexPhase,
-    VortexAmplitude,
     LoadCellLag,
     StartUnderWay,
 )

@@ -142,7 +142,7 @@ class PredictionErrorMethod:
 
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
         """Coordinates of the unknowns; arguments as in `SearchCoordinates`."""
-        return SearchCoordinates(self.unknowns, within, itself, self._search)
+        return SearchCoordinates(self.unknowns, within, itself)
 
     def information(self, values: Floats) -> Floats | None:
         """(p, p) information of the logs at given values with the initial noise; ``None`` if filters diverge."""
@@ -263,15 +263,13 @@ class PredictionErrorMethod:
     ) -> tuple[Floats, NoiseCovariances]:
         """Values and noise near the optimum, by least squares with new gains in every round."""
         search = self._search
-        cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
+        cautious, anywhere = self.coordinates(search.reach), self.coordinates()
         filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
         deviances, found_in_rounds = list[float](), list[tuple[Floats, NoiseCovariances]]()
-        for number in range(search.max_rounds):
+        for number in range(search.max_iterations):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             coordinates = cautious if number < search.cautious_rounds else anywhere
-            found, information = self.likelihood.solve_with_gains(
-                values, noise, filtered, coordinates, search.least_squares_tolerance
-            )
+            found, information = self.likelihood.solve_with_gains(values, noise, filtered, coordinates)
             if number == 0:
                 self._check_effects(information)
             variances = np.diag(covariance_of(information, self.unknowns))
@@ -285,7 +283,7 @@ class PredictionErrorMethod:
                 experiment, first = self.with_values(there), number == search.cautious_rounds
                 noise = self._noise.with_sea(experiment, noise) if first else noise
                 noise = self._noise.with_process_noise(experiment, noise, anywhere=first)
-            there, filtered = self._backtracked(values, there, noise)
+            there, filtered = self._backtracked(values, there, noise, moved)
             if not all_completed(filtered):
                 break
             values, last = there, move
@@ -293,11 +291,11 @@ class PredictionErrorMethod:
                 deviances.append(deviance_of(filtered))
                 found_in_rounds.append((values, noise))
                 likeliest = int(np.argmin(deviances))
-                if likeliest < len(deviances) - search.patience:  # moves that lead nowhere: there is no such machine
+                if likeliest < len(deviances) - search.cautious_rounds:  # there is no such machine
                     return found_in_rounds[likeliest]
-                if estimated and moved < search.noise_distance:  # not with Q at its least
+                if estimated and moved < search.reach:  # not with Q at its least
                     noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
-            near = moved < search.newton_distance or (before < search.noise_distance and moved > before / 2)
+            near = moved < 1 or (before < search.reach and moved > before / 2)
             if near and not (estimated and number < search.cautious_rounds):  # not with Q at its least
                 break
             before = moved
@@ -341,14 +339,19 @@ class PredictionErrorMethod:
         column = READINGS.index("v")
         return any(np.isfinite(section.readings[:, column]).any() for section in self.filters.sections)
 
-    def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
-        """Halve the way from `here` to `there` until no filter diverges; return the values and passes with them."""
-        for _ in range(self._search.max_shortenings):
+    def _backtracked(
+        self, here: Floats, there: Floats, noise: NoiseCovariances, moved: float
+    ) -> tuple[Floats, list[FilterPass]]:
+        """Halve the way from `here` to `there`, `moved` deviations, while filters diverge and it is not negligible.
+
+        Returns:
+            The values, and passes with them.
+        """
+        filtered = self.likelihood.filtered(there, noise)
+        while not all_completed(filtered) and moved > self._search.accuracy:
+            there, moved = (here + there) / 2, moved / 2
             filtered = self.likelihood.filtered(there, noise)
-            if all_completed(filtered):
-                break
-            there = (here + there) / 2
-        return there, self.likelihood.filtered(there, noise)
+        return there, filtered
 
     def _check_effects(self, information: Floats) -> None:
         for unknown, own in zip(self.unknowns, np.diag(information).tolist(), strict=True):

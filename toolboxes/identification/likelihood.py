@@ -27,9 +27,6 @@ Floats = NDArray[np.float64]
 NoiseCoordinatesAround = Callable[[NoiseCovariances], NoiseCoordinates]
 """Coordinates of the noise around some noise."""
 
-LOGARITHM_STEP = 0.1
-"""Step of differences by a logarithm of the noise."""
-
 LENGTHS = 2.0 ** np.arange(-3, 3)
 """Lengths of a step that are compared, over the expected one."""
 
@@ -151,13 +148,12 @@ class Likelihood:
         noise: NoiseCovariances,
         filtered: Sequence[FilterPass],
         coordinates: SearchCoordinates,
-        tolerance: float = 1e-8,
     ) -> tuple[Floats, Floats]:
         """Least squares of the whitened innovations with fixed gains, within bounds (trust region reflective).
 
-        Starts at (p,) values, and ends when the relative change of the sum of squares is below `tolerance`. Unknowns
-        without a prior get one with their scale as deviation, so that those the logs do not determine stay near their
-        starts.
+        Starts at (p,) values, and ends when the sum of squares, about the number of readings, falls by less than one.
+        Unknowns without a prior get one with their scale as deviation, so that those the logs do not determine stay
+        near their starts.
 
         Returns:
             (p,) values, and (p, p) information of the logs.
@@ -181,17 +177,17 @@ class Likelihood:
             lambda at: squares(at)[1],
             bounds=coordinates.bounds,
             x_scale="jac",
-            ftol=tolerance,
-            xtol=10 * tolerance,
+            ftol=1 / max(sum(int(np.isfinite(each.readings).sum()) for each in self._filters.sections), 1),
+            xtol=None,
             max_nfev=self._options.max_evaluations,
         ).x
         return coordinates.values(found), squares(found)[2][:-1, :-1]
 
     def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
         """(p + 1,) residuals and their Jacobian in coordinates, with the same sum of squares as all innovations."""
-        p, largest = len(jacobian), self._options.diverged_sum
-        if not np.isfinite(normal).all() or normal[-1, -1] > largest:
-            return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
+        p = len(jacobian)
+        if not np.isfinite(normal).all():
+            return np.full(p + 1, np.finfo(float).max ** 0.25), np.zeros((p + 1, p))
         by = np.eye(p + 1)
         by[:p, :p] = jacobian
         eigenvalues, vectors = np.linalg.eigh(by.T @ normal @ by)
@@ -317,7 +313,7 @@ class Likelihood:
         movable = np.flatnonzero(np.arange(len(at)) != fixed)
         sizes = 1 / np.sqrt(np.diag(frame.information))[movable]
         (here,) = self.objective([at], noise, coordinates).tolist()
-        for number in range(self._options.max_steps):
+        for number in range(self._options.max_iterations):
             progress(number / (number + 2))
             logs = around(noise) if around else None
             model = self._scoring(at, noise, coordinates, logs, movable, sizes)
@@ -369,9 +365,9 @@ class Likelihood:
         shift = (1.0 - coordinates.known) * (at - coordinates.start)
         residuals = np.concatenate([coordinates.prior_residuals(at), shift])
         if logs:
-            steps = LOGARITHM_STEP * np.eye(len(logs))
+            steps = self._options.accuracy * np.eye(len(logs))
             candidates += [(candidates[0][0], logs.noise(step)) for step in steps]
-            inward = np.concatenate([inward, np.full(len(logs), LOGARITHM_STEP)])
+            inward = np.concatenate([inward, np.full(len(logs), self._options.accuracy)])
             wider = np.zeros((len(logs.prior_rows), len(movable)))
             rows = np.block([[rows, np.zeros((len(rows), len(logs)))], [wider, logs.prior_rows]])
             residuals = np.concatenate([residuals, logs.prior_residuals])
@@ -403,7 +399,7 @@ class Likelihood:
            poll is as wide as that was long, or its square where that is shorter, as its error is; else as wide as the
            last ones. After more than one deviation, ascend again.
         3. End where no neighbour at a distance of `accuracy` (default: `SearchOptions.accuracy`) is likelier, or after
-           `SearchOptions.max_polls`.
+           `SearchOptions.max_iterations`.
         """
         options, end = self._options, accuracy or self._options.accuracy
         top = self.ascend(at, noise, coordinates, fixed, end, around, progresses.part(progress, 0.0, 0.5))
@@ -413,7 +409,7 @@ class Likelihood:
         at, noise = top
         here = float(self.objective([at], noise, coordinates)[0])
         curvatures, size, moved, converged = np.ones(len(at)), size or options.reach, 0.0, False
-        for number in range(options.max_polls):
+        for number in range(options.max_iterations):
             progress((1 + number / (number + 2)) / 2)
             result = self.poll(frame, at, here, size, noise, coordinates)
             if size == 1:

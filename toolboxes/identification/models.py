@@ -18,10 +18,6 @@ from dualwinch.toolboxes.identification.unknowns import UnknownParameter, covari
 
 Floats = NDArray[np.float64]
 
-CONSIDERABLE = 10.0
-"""Difference of two models' criteria up to which the worse one has considerable support, and is averaged over (Kass and
-Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
-
 
 def are_white(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances) -> bool:
     """Whether innovations are white, except those of sensors that count in steps."""
@@ -189,9 +185,9 @@ class FittedModel:
         yield from self._conflicts()
 
     def _conflicts(self) -> Iterator[str]:
-        """A note on each nuisance parameter that contradicts its prior by `SearchOptions.contradiction`."""
+        """A note on each nuisance parameter that contradicts its prior."""
         for each in self.model.nuisances:
-            if self.conflict(each.key) > self.method.options.search.contradiction:
+            if self.contradicts(each.key):
                 yield f"{self._far(each)}: it may stand for something that the model lacks"
 
     def _far(self, nuisance: UnknownParameter) -> str:
@@ -206,8 +202,7 @@ class FittedModel:
             ImplausibleFitError: the probability of such an estimate is below `PlausibilityOptions.improbable`.
         """
         for each in self.model.nuisances:
-            probability = math.erfc(self.conflict(each.key) / math.sqrt(2))
-            if probability < self.method.options.plausibility.improbable:
+            if self.prior_probability(each.key) < self.method.options.plausibility.improbable:
                 raise ImplausibleFitError(
                     f"{self.method.filters.sections[0].name}: {self._far(each)}: it is of another machine; if not, "
                     f"describe {each.key} or estimate it (--fit {each.key})"
@@ -275,6 +270,21 @@ class FittedModel:
         if prior is None or variance >= prior.deviation**2:
             return 0.0
         return abs(self.estimate.values[index] - prior.mean) / math.sqrt(prior.deviation**2 - variance)
+
+    def prior_probability(self, key: str) -> float:
+        """Probability of an estimate that is at least as far from its prior's mean, by the prior prediction."""
+        return math.erfc(self.conflict(key) / math.sqrt(2))
+
+    def contradicts(self, key: str) -> bool:
+        """Whether an estimate contradicts its prior, at the confidence of the tests."""
+        return self.prior_probability(key) < 1 - self.method.options.diagnostics.confidence
+
+    def is_significant(self, key: str) -> bool:
+        """Whether an estimate differs from zero, at that confidence."""
+        index = self._index(key)
+        variance = covariance_of(self.estimate.information, self.method.unknowns)[index, index]
+        probability = math.erfc(abs(self.estimate.values[index]) / math.sqrt(2 * variance))
+        return probability < 1 - self.method.options.diagnostics.confidence
 
     def is_at_bound(self, key: str) -> bool:
         """Whether an estimate is at an end of its range."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.stats import norm
 
 from dualwinch.toolbox import Experiment, sensing
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
@@ -29,14 +30,11 @@ from dualwinch.toolboxes.identification.predictor import (
 
 Floats = NDArray[np.float64]
 
-NORMAL_MEDIAN = 0.6745
-"""Median of a standard normal variable's magnitude."""
-
 NEGLIGIBLE_FALL = 0.05
 """Expected fall of half the deviance for which noise is not searched further."""
 
-LOAD_CELLS = ("F1", "F2")
-"""Sensors that are quiet only while torques are."""
+LOAD_CELLS = "F1", "F2"
+"""Sensors of the ropes' tensions."""
 
 ESTIMATED = (("force",), ("torque_1", "torque_2"))
 """Disturbances that no experiment describes, in groups with a common estimated deviation."""
@@ -85,25 +83,18 @@ def initial_measurement_noise(readings: Floats, sensors: sensing.Sensors, option
 
 def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
     """(readings,) standard deviations of all sensors' noise, by third differences, which cancel most of a motion."""
-    own = [
-        _white_noise(values[np.isfinite(values)], options, options.quiet_share if name in LOAD_CELLS else 1.0)
-        for name, values in zip(READINGS, readings.T, strict=True)
-    ]
+    own = [_white_noise(values[np.isfinite(values)]) for values in readings.T]
     return np.maximum(own, min_noise(options))
 
 
-def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
+def _white_noise(values: Floats) -> float:
     """Standard deviation of white noise by third differences; for a quantised sensor at least that of rounding."""
     if len(values) < 10:
         return 0.0
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     jumps = np.abs(np.diff(values, 3))
-    if quiet < 1 and len(jumps) >= 2 * options.quiet_readings:
-        windows = np.array_split(jumps, len(jumps) // options.quiet_readings)
-        quietest = sorted(windows, key=lambda each: float(np.median(each)))
-        jumps = np.concatenate(quietest[: max(1, round(quiet * len(windows)))])
-    deviation = float(np.median(jumps)) / NORMAL_MEDIAN / math.sqrt(20)
+    deviation = float(np.median(jumps) / norm.ppf(0.75)) / math.sqrt(20)  # of differences of independent values
     counts = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
     return max(deviation, least / math.sqrt(12)) if counts else deviation
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Lt
 
 from dualwinch.toolbox import Quantity, quantities, tree
 
@@ -21,22 +21,17 @@ class ResamplingOptions:
         quantities.Positive, Quantity("s", "longest gap in the torques that their last value bridges")
     ] = 0.1
     repeats: Annotated[int, Ge(2), Quantity("1", "number of equal readings at which a sensor counts as silent")] = 20
-    first_reading_samples: Annotated[Count, Quantity("1", "samples searched for each sensor's first reading")] = 50
     standstill_speed: Annotated[quantities.Positive, Quantity("m/s", "speed below which the machine stands still")] = (
         0.05
     )
-    standstill_window: Annotated[quantities.Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
+    window: Annotated[
+        quantities.Positive, Quantity("s", "time over which that speed, chatter, pulls and innovations are averaged")
+    ] = 0.5
     min_move_time: Annotated[quantities.Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
     torque_rows: Annotated[
         int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
     ] = 0
-    chatter_window: Annotated[
-        quantities.Positive, Quantity("s", "time over which the torques' chatter is averaged")
-    ] = 0.5
     min_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its RMS in the log")] = 0.1
-    min_moving_time: Annotated[
-        quantities.Positive, Quantity("s", "time of motion below which standstill is used too")
-    ] = 5.0
 
 
 @dataclass(frozen=True)
@@ -44,18 +39,12 @@ class InitialStateOptions:
     """Standard deviations of the initial state, before the first reading."""
 
     position: Annotated[quantities.Positive, Quantity("m", "position of vehicle and drums together")] = 5e-3
-    stretch: Annotated[quantities.Positive, Quantity("1", "stretch of each rope, as a share of it")] = 0.2
     speed: Annotated[quantities.Positive, Quantity("m/s", "speed of vehicle and drums, together and of each drum")] = (
         0.02
     )
-    sag: Annotated[
-        quantities.Positive, Quantity("1", "depth of each rope's sag, as a share of it; its rate likewise")
-    ] = 0.3
-    friction: Annotated[
-        quantities.Positive,
-        Quantity("1", "friction with a bristle state, rope wires and rail, as a share of the largest"),
-    ] = 0.6
-    torque: Annotated[quantities.Positive, Quantity("1", "torque of each motor with a lag, as a share of it")] = 0.2
+    share: Annotated[
+        quantities.Positive, Quantity("1", "stretch and sag of each rope and torque of each motor, as shares of them")
+    ] = 0.2
 
 
 @dataclass(frozen=True)
@@ -73,10 +62,6 @@ class NoiseOptions:
     min_drum_speed_noise: Annotated[
         quantities.Positive, Quantity("rad/s", "least deviation of a drum speed's noise")
     ] = 1e-4
-    quiet_share: Annotated[
-        float, Gt(0), Le(1), Quantity("1", "share of a load cell's readings, the quietest, for the initial R")
-    ] = 1.0
-    quiet_readings: Annotated[Count, Quantity("1", "readings in a window that is classified as quiet or not")] = 200
     force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
     torque_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
     vortex_time: Annotated[
@@ -162,13 +147,20 @@ class CoarseLogOptions:
     min_spacing: Annotated[Factor, Quantity("samples", "time between rows from which this is considered")] = 1.5
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
     min_chatter: Annotated[quantities.Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
-    quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
 
 
 @dataclass(frozen=True)
 class SearchOptions:
     """The search for the maximum of the likelihood (`identification.estimate.PredictionErrorMethod`)."""
 
+    considerable: Annotated[
+        quantities.Positive,
+        Quantity(
+            "1",
+            "rise of deviance or criterion up to which another value or model has considerable support",
+            "Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773",
+        ),
+    ] = 10.0
     outlier: Annotated[
         quantities.Positive,
         Quantity("1", "innovation, in deviations, beyond which a reading counts less", "Huber (1964)"),
@@ -181,26 +173,6 @@ class SearchOptions:
     strouhal_share: Annotated[
         quantities.Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")
     ] = 0.1
-    amplitude_share: Annotated[
-        quantities.Positive, Quantity("1", "prior deviation of the vortices' amplitude, likewise")
-    ] = 0.05
-    wide_amplitude_share: Annotated[
-        quantities.Positive, Quantity("1", "the same if logs contradict the described one")
-    ] = 1.0
-    contradicting_amplitude: Annotated[
-        Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
-    ] = 1.7
-    negligible_amplitude: Annotated[
-        Share, Quantity("1", "estimated amplitude of vortices, over the described one, below which it counts as zero")
-    ] = 0.25
-    contradiction: Annotated[
-        quantities.Positive,
-        Quantity("1", "deviation of an estimate that contradicts its prior, in expected deviations"),
-    ] = 2.5
-    strouhal_reach: Annotated[
-        quantities.Positive, Quantity("1", "range of Strouhal numbers for starts of a search, in prior deviations")
-    ] = 2.0
-    delay_order: Annotated[Count, Quantity("samples", "order of the ARX models for the delay of the torques")] = 8
     coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
     delay_significance: Annotated[
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")
@@ -209,55 +181,27 @@ class SearchOptions:
         quantities.Positive,
         Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope"),
     ] = 0.02
-    dissipation_share: Annotated[
-        quantities.Positive,
-        Quantity("1", "prior deviation of friction and damping, which hardly anyone knows, over themselves"),
-    ] = 1.0
-    load_cell_lag: Annotated[
-        quantities.Positive,
-        Quantity("s", "shortest lag of load cells tried if none is described; each next is twice as long"),
-    ] = 5e-4
-    max_load_cell_lag: Annotated[quantities.Positive, Quantity("s", "longest lag that is tried")] = 0.02
-    lag_share: Annotated[
-        quantities.Positive, Quantity("1", "prior deviation of the lag of load cells, over itself")
-    ] = 1.0
     current_sigma: Annotated[quantities.Positive, Quantity("m/s", "assumed current if no sea is described")] = 0.05
     normal_force_sigma: Annotated[quantities.Positive, Quantity("1", "assumed rail load, likewise, over the mean")] = (
         0.1
     )
     max_delay_samples: Annotated[int, Ge(0), Quantity("samples", "largest considered delay of the torques")] = 4
-    min_amplitude: Annotated[quantities.Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
-    max_rounds: Annotated[
-        int, Ge(0), Quantity("1", "largest number of least-squares problems, each with new gains")
-    ] = 40
-    cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and fixed noise")] = 3
-    patience: Annotated[Count, Quantity("1", "later rounds that do not lower the deviance, after which they end")] = 3
-    cautious_deviations: Annotated[quantities.Positive, Quantity("1", "range in these rounds, in prior deviations")] = (
-        2.0
-    )
+    cautious_rounds: Annotated[
+        Count,
+        Quantity("1", "first rounds, with narrow ranges and fixed noise; as many without progress are the last"),
+    ] = 3
     max_evaluations: Annotated[
         Count, Quantity("1", "largest number of evaluations of derivatives with fixed gains")
     ] = 5
-    least_squares_tolerance: Annotated[
-        quantities.Positive, Quantity("1", "relative change that ends least squares")
-    ] = 1e-6
-    diverged_sum: Annotated[quantities.Positive, Quantity("1", "sum of squares of a diverging filter")] = 1e12
-    max_shortenings: Annotated[int, Ge(0), Quantity("1", "largest number of halvings of a move if filters diverge")] = 6
-    noise_distance: Annotated[
-        quantities.Positive, Quantity("1", "largest move, in deviations, after which R is estimated")
-    ] = 3.0
-    newton_distance: Annotated[
-        quantities.Positive, Quantity("1", "largest move, in deviations, before Newton steps")
-    ] = 0.5
-    max_steps: Annotated[Count, Quantity("1", "largest number of steps of scoring")] = 30
+    max_iterations: Annotated[Count, Quantity("1", "largest number of rounds, of steps of scoring, and of polls")] = 60
     reach: Annotated[
-        quantities.Positive, Quantity("1", "distance of the first neighbours of a maximum, in deviations")
+        quantities.Positive,
+        Quantity("1", "deviations of a prior, or of an estimate, within which a search looks around first"),
     ] = 3.0
     accuracy: Annotated[
         quantities.Positive,
         Quantity("1", "distance, in deviations, at which no neighbour of a maximum is likelier"),
     ] = 0.1
-    max_polls: Annotated[Count, Quantity("1", "largest number of polls of the neighbours of a maximum")] = 60
 
 
 @dataclass(frozen=True)
@@ -267,32 +211,9 @@ class VortexOptions:
     smoothing: Annotated[
         quantities.Positive, Quantity("s", "standard deviation of the Gaussian that smooths readings")
     ] = 0.3
-    reach: Annotated[quantities.Positive, Quantity("1", "reach of the Gaussian, over it")] = 4.0
-    spacing: Annotated[quantities.Positive, Quantity("s", "time between the rows of the regression")] = 0.2
-    min_rows: Annotated[Count, Quantity("1", "least number of rows of motion")] = 25
-    max_rows: Annotated[Count, Quantity("1", "number of first rows of motion that are used")] = 500
     max_time_before: Annotated[quantities.Positive, Quantity("s", "longest considered time before the log")] = 120.0
     phase_step: Annotated[quantities.Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
-    strouhal_share: Annotated[Share, Quantity("1", "relative range of the Strouhal number to each side")] = 0.2
     strouhal_points: Annotated[Count, Quantity("1", "number of Strouhal numbers in that range")] = 41
-    near_best_ratio: Annotated[
-        Factor, Quantity("1", "ratio of residual squares to the least up to which another Strouhal number is tried")
-    ] = 1.5
-    origin_ratio: Annotated[
-        Share, Quantity("1", "ratio of residual squares to those with the first row as origin below which one is used")
-    ] = 0.8
-    rows_per_residual: Annotated[Count, Quantity("1", "rows of the regression per independent residual")] = 8
-    min_phase_deviance_fall: Annotated[
-        quantities.Positive,
-        Quantity("1", "fall of the regression's deviance from which another kind of phase is tried"),
-    ] = 6.0
-    same_strouhal: Annotated[
-        Share, Quantity("1", "relative difference up to which two Strouhal numbers are the same")
-    ] = 0.02
-    better_ratio: Annotated[
-        Share,
-        Quantity("1", "ratio of residual squares to those of the estimated vortices below which others are tried"),
-    ] = 0.95
 
 
 @dataclass(frozen=True)

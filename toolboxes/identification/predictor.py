@@ -161,6 +161,10 @@ CORRELATION_TIMES = tuple(f"time.{name}" for name in (*DISTURBANCES, VORTICES))
 """Correlation times of the disturbances in s, further parameters of the predictor."""
 
 
+UNIFORM = 1 / math.sqrt(3)
+"""Standard deviation of what is uniform between -1 and 1, as friction with a bristle state, over the largest."""
+
+
 @dataclass(frozen=True)
 class GaussMarkov:
     """A first-order Gauss–Markov process.
@@ -480,10 +484,10 @@ def initial_state(
         tension = (read[f"F{side.number}"] - zero) / (1 + error)
         held = torque / newton  # newton: holds 1 N in a rope
         pulls.append(max(tension if math.isfinite(tension) else held, 1.0))
-        spreads.append(math.hypot(options.stretch * pulls[-1], pulls[-1] - held))  # a tension that is not held changes
+        spreads.append(math.hypot(options.share * pulls[-1], pulls[-1] - held))  # a tension that is not held changes
         holding, more = (
             leaves(experiment.actuator.holding_state(by * torque), f"actuator_{side.number}.")
-            for by in (1, 1 + options.torque)
+            for by in (1, 1 + options.share)
         )
         expected |= holding
         directions.append({key: more[key] - value for key, value in holding.items()})
@@ -523,18 +527,18 @@ def _unread(
         rope, prefix = side.rope, f"motion.plant.rope_{side.number}."
         for key in known:
             if key.startswith(f"{prefix}waves.position"):
-                yield {key: options.stretch * float(rope.resting_stretch(pull, length))}
+                yield {key: options.share * float(rope.resting_stretch(pull, length))}
             elif key.startswith(f"{prefix}waves.speed"):
                 mass = rope.mass_per_length * max(length, rope.shortest_mass)
                 frequency = rope.segments * math.sqrt(2 * float(rope.tangent(1.0, length)[0]) / mass)
-                swing = options.stretch * float(rope.resting_stretch(pull, length)) * frequency
+                swing = options.share * float(rope.resting_stretch(pull, length)) * frequency
                 yield {key: min(options.speed, swing)}
         if (depth := f"{prefix}sag.depth") in known:
             frequency = math.pi / physics.span_of(length, plant.track) * math.sqrt(pull / physics.transverse_mass(rope))
-            yield {depth: options.sag * known[depth]}
-            yield {f"{prefix}sag.rate": options.sag * known[depth] * frequency}
-        yield {f"{prefix}hysteresis.share": options.friction}
+            yield {depth: options.share * known[depth]}
+            yield {f"{prefix}sag.rate": options.share * known[depth] * frequency}
+        yield {f"{prefix}hysteresis.share": UNIFORM}
     for key, most in leaves(
         physics.bent_bristles(physics.friction(1.0, plant.vehicle), plant.vehicle), "motion.plant.rail."
     ).items():
-        yield {key: options.friction * float(most)}
+        yield {key: UNIFORM * float(most)}

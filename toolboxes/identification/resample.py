@@ -194,7 +194,7 @@ def _between_rows(
     latest = np.searchsorted(numbers, np.arange(len(held)), side="right") - 1
     torques = usual[latest]
     off = (rows - usual) ** 2
-    window = max(1, round(options.chatter_window * len(rows) / (step * len(held))))
+    window = max(1, round(options.window * len(rows) / (step * len(held))))
     size = np.sqrt(np.maximum(uniform_filter1d(off, window, axis=0, mode="nearest"), 0.0))
     size = np.maximum(size, options.min_chatter * np.sqrt(np.mean(off)))
     torques[numbers] = rows
@@ -247,10 +247,9 @@ def moving_intervals(
             break
     else:
         return all_samples
-    half = max(1, round(options.standstill_window / 2 / step))
+    half = max(1, round(options.window / 2 / step))
     position = np.interp(np.arange(-half, len(values) + half), rows, values[rows])
     fast = np.abs(position[2 * half :] - position[: -2 * half]) > options.standstill_speed * 2 * half * step
     edges = np.flatnonzero(np.diff(fast.astype(int), prepend=0, append=0))
     moves = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.min_move_time]
-    moving = sum(each.stop - each.start for each in moves) * step
-    return moves if moving >= options.min_moving_time else all_samples
+    return moves or all_samples

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dualwinch.toolbox import ConfigurationError, Experiment, leaves, physics, with_leaves
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.log import Log
-from dualwinch.toolboxes.identification.models import CONSIDERABLE, FittedModel, LogModel
+from dualwinch.toolboxes.identification.models import FittedModel, LogModel
 from dualwinch.toolboxes.identification.noise import LOAD_CELLS
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import (
@@ -22,13 +22,12 @@ from dualwinch.toolboxes.identification.predictor import (
     NoiseCovariances,
     RecordedExperiment,
     RecorderClock,
-    has_vortex_states,
     predictor_structure,
     recorded,
 )
 from dualwinch.toolboxes.identification.resample import LogSection, delays_of, sections_of
 from dualwinch.toolboxes.identification.unknowns import UnknownParameter, with_drum_friction, with_load_cell_lag
-from dualwinch.toolboxes.identification.vortices import likelier_phase, shows_other_vortices, vortex_starts
+from dualwinch.toolboxes.identification.vortices import likelier_phase, shows_other_vortices
 
 Floats = NDArray[np.float64]
 
@@ -145,12 +144,12 @@ class LogScreening:
             likeliest = int(np.argmin(deviances))
         else:
             likeliest, deviances = likeliest_in_turn(methods, np.zeros(0), len(methods) - 1)
-        return forms[likeliest] if deviances[likeliest] + CONSIDERABLE < deviances[0] else experiment
+        return forms[likeliest] if deviances[likeliest] + options.search.considerable < deviances[0] else experiment
 
     def lags(self, experiment: Experiment, options: EstimationOptions) -> Floats:
         """Significance of each delay of the torques (`torque_lags`)."""
         sections = sections_of(self.logs, delayed(experiment, 0), options.resampling)
-        return torque_lags(sections, options.search.delay_order)
+        return torque_lags(sections, 2 * options.search.max_delay_samples)
 
     def delay_in(self, experiment: Experiment, options: EstimationOptions) -> int:
         """The delay of the torques in samples, if load cells determine it clearly; else the experiment's."""
@@ -171,7 +170,6 @@ class LogScreening:
             options.noise,
             torque_time=coarse.chatter_time * step,
             min_torque=coarse.min_chatter,
-            quiet_share=coarse.quiet_share,
             whole_range=True,
         )
         resampling = replace(options.resampling, torque_rows=coarse.rows)
@@ -276,11 +274,12 @@ class LogScreening:
         Even a lag of a millisecond leaves more torque unexplained than the log of another machine. Likelihoods are
         those at the (p,) values of the requested parameters, by default at their starts.
         """
-        search, recorded_names = options.search, {name for log in self.logs for name in log.columns}
+        recorded_names = {name for log in self.logs for name in log.columns}
         if experiment.sensors.load_cell_time_constant or recorded_names.isdisjoint(LOAD_CELLS):
             return 0.0
-        best, least, lag = 0.0, self.deviance_at_start(experiment, options, values), search.load_cell_lag
-        while lag <= search.max_load_cell_lag:
+        best, least = 0.0, self.deviance_at_start(experiment, options, values)
+        lag = experiment.simulation.sample_time / 2
+        while lag < options.noise.torque_time:  # a longer one is no different from unrecorded torques
             deviance = self.deviance_at_start(with_load_cell_lag(experiment, lag), options, values)
             if deviance >= least:
                 break
@@ -289,7 +288,7 @@ class LogScreening:
 
     def strouhal_reach(self, experiment: Experiment, options: EstimationOptions) -> float:
         """Largest deviation of the Strouhal number from an experiment's."""
-        return options.search.strouhal_reach * options.search.strouhal_share * experiment.disturbance.strouhal
+        return options.search.reach * options.search.strouhal_share * experiment.disturbance.strouhal
 
     def integrated_phase(self, experiment: Experiment, options: EstimationOptions) -> bool:
         """Whether logs show vortices with an integrated phase."""
@@ -299,14 +298,6 @@ class LogScreening:
         """Whether logs show vortices that an estimate lacks; white innovations do not exclude such slow forces."""
         experiment, options = fit.estimate.experiment, fit.model.options
         return shows_other_vortices(self.logs, experiment, self.strouhal_reach(experiment, options), options)
-
-    def amplitude_is_contradicted(self, experiment: Experiment, options: EstimationOptions) -> bool:
-        """Whether smoothed readings show vortices of clearly another amplitude than described."""
-        if not experiment.disturbance.vortex or has_vortex_states(experiment):
-            return False
-        described, factor = experiment.disturbance.vortex_amplitude, options.search.contradicting_amplitude
-        starts = vortex_starts(self.logs, experiment, self.strouhal_reach(experiment, options), options)
-        return bool(starts) and not described / factor < starts[0][1] < described * factor
 
 
 def likeliest_in_turn(methods: Sequence[PredictionErrorMethod], values: Floats, first: int) -> tuple[int, list[float]]:

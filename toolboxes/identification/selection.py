@@ -21,7 +21,7 @@ from dualwinch.toolboxes.identification.alternatives import (
 )
 from dualwinch.toolboxes.identification.diagnostics import ImplausibleFitError
 from dualwinch.toolboxes.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
-from dualwinch.toolboxes.identification.models import CONSIDERABLE, FittedModel, LogModel, ModelEvidence, are_white
+from dualwinch.toolboxes.identification.models import FittedModel, LogModel, ModelEvidence, are_white
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import NoiseCovariances, RecordedExperiment, with_rows_at_samples
 from dualwinch.toolboxes.identification.resample import sections_of
@@ -88,8 +88,8 @@ class ModelSelection:
        lower, the search goes on from it.
        A recorder's clock that is not needed is left out again (`_without_clock`), for it may stand in for a delay.
     4. When no alternative has a candidate left, the model with the least criterion is chosen among plausible ones.
-       Those within `CONSIDERABLE` of it are its rivals, over which estimates are averaged (Burnham and Anderson, Model
-       Selection and Multimodel Inference, 2002, Chapter 4).
+       Those within `SearchOptions.considerable` of it are its rivals, over which estimates are averaged (Burnham and
+       Anderson, Model Selection and Multimodel Inference, 2002, Chapter 4).
 
     Criteria are compared with the noise of sensors and torques of every model, as noise that is not quite at its
     maximum changes the likelihood by more than a sea does.
@@ -247,7 +247,7 @@ class ModelSelection:
             rivals=tuple(
                 (criterion - least, fit)
                 for criterion, fit in zip(criteria, self.fits, strict=True)
-                if fit is not best and not fit.refusal and criterion - least < CONSIDERABLE
+                if fit is not best and not fit.refusal and criterion - least < self.options.search.considerable
             ),
         )
 
@@ -360,7 +360,7 @@ class ModelSelection:
         start = np.array([unknown.start for unknown in unknowns])
         if STROUHAL not in index:
             return [start]
-        reach = self.options.search.strouhal_reach * unknowns[index[STROUHAL]].uncertainty
+        reach = self.options.search.reach * unknowns[index[STROUHAL]].uncertainty
         starts = list[Floats]()
         for pair in vortex_starts(self.screening.logs, method.with_values(start), reach, self.options):
             values = start.copy()

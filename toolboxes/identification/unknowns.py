@@ -228,15 +228,11 @@ def nuisance_parameters(
     """Nuisance parameters, with wide priors around the experiment's values, except `keys`.
 
     Inertia of the winches, friction of their drums, damping of the ropes, lag of load cells and, for vortices, their
-    Strouhal number and, unless it is a state, their amplitude.
+    Strouhal number and, unless it is a state, their amplitude. What hardly anyone knows, all but inertia and Strouhal
+    number, has a prior as wide as its value.
     """
-    shares = {
-        STROUHAL: options.strouhal_share,
-        AMPLITUDE: options.amplitude_share,
-        LOAD_CELL_LAG: options.lag_share,
-    }
     values, described, parameters = leaves(experiment), description.describe_parts(experiment), list[UnknownParameter]()
-    for key in estimable_keys(["*"], experiment):
+    for key in estimable_keys(["*"], experiment) if options.nuisance_share else ():
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
             continue
@@ -244,13 +240,11 @@ def nuisance_parameters(
             key == AMPLITUDE and has_vortex_states(experiment)
         ):
             continue
-        is_dissipation = key.endswith((".coulomb_friction", ".damping"))
-        share = shares.get(key, options.dissipation_share if is_dissipation else options.nuisance_share)
-        if not share:
-            continue
+        shares = {STROUHAL: options.strouhal_share} | ({key: options.nuisance_share} if key.endswith("inertia") else {})
+        share = shares.get(key, 1.0)
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
-        lowest = 0.0 if share >= 1 and key != LOAD_CELL_LAG else value / reach
+        lowest = 0.0 if share == 1 and key != LOAD_CELL_LAG else value / reach
         parameters.append(UnknownParameter(key, unit, value, lowest, value * reach, share * value, prior))
     return tuple(parameters)
 
@@ -389,13 +383,12 @@ class SearchCoordinates:
         unknowns: Sequence[UnknownParameter],
         within: float = np.inf,
         itself: int | None = None,
-        options: SearchOptions = DEFAULTS.search,
     ) -> None:
         """Coordinates of p unknowns, bounded to `within` prior deviations from their prior means.
 
         The unknown with the index `itself` remains a coordinate even if it is part of a wave.
         """
-        self._unknowns, self._least = tuple(unknowns), options.min_amplitude
+        self._unknowns, self._least = tuple(unknowns), float(np.finfo(float).eps ** 0.25)
         self._scale = np.array([unknown.scale for unknown in unknowns])
         self.waves = tuple(wave for wave in _waves(unknowns) if itself not in wave)
         self.known = np.array([each.prior is not None for each in unknowns], float)

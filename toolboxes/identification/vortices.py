@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 from scipy.stats import norm
 
 from dualwinch.toolbox import Experiment, physics
@@ -16,6 +16,9 @@ from dualwinch.toolboxes.identification.predictor import READINGS
 from dualwinch.toolboxes.identification.resample import resampled
 
 Floats = NDArray[np.float64]
+
+REACH = 4
+"""Reach of the Gaussian that smooths readings, over its deviation, as usual in SciPy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,7 @@ class SmoothedMotion:
         v, a: speed and acceleration in m/s and m/s².
         net: net force of the ropes in N.
         at_once: whether the machine moves at the first row.
+        independent: share of rows whose noise is independent.
     """
 
     t: Floats
@@ -36,11 +40,18 @@ class SmoothedMotion:
     a: Floats
     net: Floats
     at_once: bool
+    independent: float
 
     @property
     def base(self) -> Floats:
         """(rows, 2) regressors of the net force besides drag: acceleration and direction."""
         return np.column_stack([self.a, np.sign(self.v)])
+
+    def first(self, duration: float) -> "SmoothedMotion":
+        """Its rows up to a time in s after the first."""
+        rows = self.t <= self.t[0] + duration
+        series = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return replace(self, **series)
 
     @property
     def one_way(self) -> Floats:
@@ -55,9 +66,9 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     Without a position the mean of the drums is used, without load cells the pulls by the torques: inertia and friction
     of the drums, the difference, are proportional to acceleration and direction, too.
     """
-    search, step, sides = options.vortices, experiment.simulation.sample_time, experiment.plant.sides
+    step, sides = experiment.simulation.sample_time, experiment.plant.sides
     inputs, readings = resampled(log, experiment, options.resampling)
-    width = search.smoothing / step
+    width = options.vortices.smoothing / step
 
     def series(name: str) -> Floats:
         values = readings[:, READINGS.index(name)]
@@ -75,35 +86,28 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     else:
         pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
         net = inputs[:, 1:3] @ pulls
-    half = math.ceil(search.reach * width)
-    rows = slice(None, None, max(1, int(search.spacing / step)))
+    half = math.ceil(REACH * width)
     if len(inputs) <= 2 * half:
         return None
-    kernels = _gaussian(np.arange(-half, half + 1.0), width)
+    rows = slice(half, len(inputs) - half, max(1, int(width / 2)))
 
     def smooth(values: Floats, order: int = 0) -> Floats:
-        return sliding_window_view(values, 2 * half + 1)[rows] @ kernels[order] / step**order
+        return gaussian_filter1d(values, width, order=order, radius=half)[rows] / step**order
 
     v = smooth(x, 1)
     moving = np.abs(v) > options.resampling.standstill_speed
-    if moving.sum() < search.min_rows:
-        return None
-    a, net, t, x = smooth(x, 2), smooth(net), inputs[half : len(inputs) - half, 0][rows], smooth(x)
-    return SmoothedMotion(t[moving], x[moving], v[moving], a[moving], net[moving], bool(moving[0]))
-
-
-def _gaussian(distance: Floats, width: float) -> tuple[Floats, Floats, Floats]:
-    """Weights of values at distances ahead for their mean, and for its first and second derivative."""
-    weights = np.exp(-((distance / width) ** 2) / 2)
-    weights /= weights.sum()
-    return weights, weights * distance / width**2, weights * (distance**2 / width**4 - 1 / width**2)
+    independent = min((rows.step or 1) / (2 * math.sqrt(math.pi) * width), 1.0)  # rows over the Gaussian's length
+    series_of = inputs[rows, 0], smooth(x), v, smooth(x, 2), smooth(net)
+    motion = SmoothedMotion(*(values[moving] for values in series_of), bool(moving[0]), independent)
+    coefficients = motion.base.shape[1] + 2  # drag and the amplitude of its vortices besides
+    return motion if moving.sum() * independent > coefficients else None
 
 
 def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:
     """Motions concatenated."""
     names = ("t", "x", "v", "a", "net")
     t, x, v, a, net = (np.concatenate([getattr(each, name) for each in motions]) for name in names)
-    return SmoothedMotion(t, x, v, a, net, motions[0].at_once)
+    return SmoothedMotion(t, x, v, a, net, motions[0].at_once, motions[0].independent)
 
 
 def begins_at_rest(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> bool:
@@ -117,7 +121,7 @@ def begins_at_rest(log: Log, experiment: Experiment, options: EstimationOptions 
     if name is None:
         return False
     t, values = log.t - log.t[0], radius[name] * log.columns[name]
-    rows = (t < options.vortices.reach * options.vortices.smoothing) & np.isfinite(values)
+    rows = (t < REACH * options.vortices.smoothing) & np.isfinite(values)
     powers = np.vander(t[rows], 4, increasing=True)
     if len(powers) <= powers.shape[1]:
         return False
@@ -137,8 +141,8 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
        each Strouhal number and origin of a grid (separable least squares).
     2. Choose the likeliest number with the described one as a prior: in a short log, number and origin can compensate
        each other.
-    3. Use its best origin if the residuals are clearly smaller than with the log's first row as origin, and not larger
-       than with integrated phases, which need no origin.
+    3. Use its best origin if that is clearly likelier than the log's first row, and likelier than integrated phases,
+       which need no origin.
     """
     search, resampling = options.vortices, options.resampling
     if experiment.disturbance.integrated_phase:
@@ -147,15 +151,15 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
     if not motions or not motions[0].at_once or begins_at_rest(parts[0], experiment, options):
         return log
-    rows = slice(search.max_rows)
     motion = joined(motions)
-    v, t = motion.v[rows], motion.t[rows] - log.t[0]
-    q, _ = np.linalg.qr(motion.base[rows])
-    net = motion.net[rows] - q @ (q.T @ motion.net[rows])
+    motion = motion.first(search.max_time_before)
+    v, t = motion.v, motion.t - log.t[0]
+    q, _ = np.linalg.qr(motion.base)
+    net = motion.net - q @ (q.T @ motion.net)
     top_speed, disturbance = float(np.max(np.abs(v))), experiment.disturbance
-    residuals, origins = list[float](), list[float]()
-    shares = np.linspace(1 - search.strouhal_share, 1 + search.strouhal_share, search.strouhal_points)
-    at_first_row = np.inf
+    residuals, origins, at_first_row = list[float](), list[float](), np.inf
+    reach = options.search.reach * options.search.strouhal_share
+    shares = np.linspace(1 - reach, 1 + reach, search.strouhal_points)
     for share in shares.tolist():
         # phase per speed and time
         turn = float(
@@ -171,14 +175,12 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
         residuals.append(float(squares[best]))
         origins.append(float(before[best]))
         at_first_row = min(at_first_row, float(squares[0]))
-    prior = ((shares - 1) / options.search.strouhal_share) ** 2
-    index = int(np.argmin(len(net) / search.rows_per_residual * np.log(residuals) + prior))
-    if residuals[index] > search.origin_ratio * at_first_row:
+    count, prior = motion.independent * len(net), ((shares - 1) / options.search.strouhal_share) ** 2
+    index = int(np.argmin(count * np.log(residuals) + prior))
+    if count * np.log(at_first_row / residuals[index]) < options.search.considerable:
         return log
-    reach = search.strouhal_share * disturbance.strouhal
-    beginning = SmoothedMotion(*(values[rows] if np.ndim(values) else values for values in vars(motion).values()))
-    integrated = _regression([beginning], experiment, reach, options, integrated=True)
-    if integrated.deviance < len(net) / search.rows_per_residual * np.log(residuals[index]):
+    integrated = _regression([motion], experiment, reach * disturbance.strouhal, options, integrated=True)
+    if integrated.deviance < count * np.log(residuals[index]):
         return log
     origin = origins[index]
     note = f"{log.name}: begins under way; its vortices are those of a run that began {origin:.3g} s before"
@@ -196,6 +198,7 @@ class VortexRegression:
     Attributes:
         integrated: whether the phase is integrated.
         numbers: (n,) Strouhal numbers.
+        largest_phase: largest phase in rad, over the Strouhal number.
         squares: (n,) residual sum of squares with each.
         ratios: (n,) amplitudes of the vortices, over the drag.
         described: residual sum of squares with the described Strouhal number, or without vortices if none are
@@ -206,6 +209,7 @@ class VortexRegression:
 
     integrated: bool
     numbers: Floats
+    largest_phase: float
     squares: Floats
     ratios: Floats
     described: float
@@ -256,7 +260,8 @@ def _regression(
         waves = [np.sin(number * turn), *([np.cos(number * turn)] if integrated else [])]
         return np.column_stack([ways * (drag * wave)[:, np.newaxis] for wave in waves])
 
-    count = 2 + int(reach * np.max(np.abs(turn)) / search.phase_step)
+    largest_phase = float(np.max(np.abs(turn)))
+    count = 2 + int(reach * largest_phase / search.phase_step)
     numbers = np.linspace(max(disturbance.strouhal - reach, 0.0), disturbance.strouhal + reach, 2 * count + 1)
     squares, ratios = np.full(len(numbers), np.inf), np.zeros(len(numbers))
     for index, number in enumerate(numbers):
@@ -269,8 +274,8 @@ def _regression(
     if disturbance.vortex and integrated == disturbance.integrated_phase:
         regressors.append(vortices(disturbance.strouhal))
     _, described = _least_squares(np.column_stack([base, *regressors]), net)
-    rows, extra_coefficients = len(net) / search.rows_per_residual, len(ways.T) * (1 + integrated) - 1
-    return VortexRegression(integrated, numbers, squares, ratios, described, rows, extra_coefficients)
+    rows, extra_coefficients = motion.independent * len(net), len(ways.T) * (1 + integrated) - 1
+    return VortexRegression(integrated, numbers, largest_phase, squares, ratios, described, rows, extra_coefficients)
 
 
 def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:
@@ -284,16 +289,16 @@ def vortex_starts(
 ) -> list[tuple[float, float]]:
     """Strouhal numbers and amplitudes of vortices at which logs are likely, the likeliest first.
 
-    These are the minima of the residual sum of squares with a positive amplitude, of which longer logs have more,
-    without those clearly above the least.
+    These are the minima of the residual sum of squares with a positive amplitude, without those that are clearly less
+    likely than the least.
     """
     regression = vortex_regression(logs, experiment, reach, options)
     if regression is None:
         return []
     squares, ratios = regression.squares, regression.ratios
-    bound = options.vortices.near_best_ratio * squares.min()
+    rise = regression.rows * np.log(squares / squares.min())
     lowest = np.r_[False, (squares[1:-1] < squares[:-2]) & (squares[1:-1] <= squares[2:]), False] & (ratios > 0)
-    likely = np.flatnonzero(lowest & (squares < bound))
+    likely = np.flatnonzero(lowest & (rise <= options.search.considerable))
     return [(float(regression.numbers[each]), float(ratios[each])) for each in likely[np.argsort(squares[likely])]]
 
 
@@ -305,7 +310,7 @@ def likelier_regression(
     regression, other = (
         vortex_regression(logs, experiment, reach, options, integrated=each) for each in (described, not described)
     )
-    if regression and other and other.deviance < regression.deviance - options.vortices.min_phase_deviance_fall:
+    if regression and other and other.deviance < regression.deviance - options.search.considerable:
         return other
     return regression
 
@@ -324,12 +329,18 @@ def likelier_phase(
 def shows_other_vortices(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> bool:
-    """Whether vortices that are not described, or of another Strouhal number or kind of phase, fit logs better."""
-    search, disturbance = options.vortices, experiment.disturbance
+    """Whether vortices that are not described, or of another Strouhal number or kind of phase, fit logs better.
+
+    Another number is one whose phase differs by more than a radian at the end: less is found from the described one.
+    """
+    disturbance = experiment.disturbance
     regression = likelier_regression(logs, experiment, reach, options)
-    if regression is None or regression.squares.min() > search.better_ratio * regression.described:
+    if regression is None:
         return False
-    number = float(regression.numbers[np.argmin(regression.squares)])
+    fall = regression.rows * float(np.log(regression.described / regression.squares.min()))
+    if fall < options.search.considerable:
+        return False
     if not disturbance.vortex or regression.integrated != disturbance.integrated_phase:
         return True
-    return abs(number - disturbance.strouhal) > search.same_strouhal * disturbance.strouhal
+    number = float(regression.numbers[np.argmin(regression.squares)])
+    return abs(number - disturbance.strouhal) * regression.largest_phase > 1

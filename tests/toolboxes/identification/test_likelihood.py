@@ -126,12 +126,11 @@ def test_where_filters_diverge_there_is_no_maximum(fitting: PredictionErrorMetho
 
 
 def test_a_fit_that_is_given_up_too_early_has_not_converged() -> None:
-    options = EstimationOptions(search=SearchOptions(max_rounds=0))
     start = np.array([unknown.start for unknown in UNKNOWNS]) * [1, 1, 3]
-    for polls in (60, 2):
-        hasty = replace(options, search=replace(options.search, max_polls=polls))
-        fitting = PredictionErrorMethod(sections_of([logged(RIGHT)], RIGHT), RIGHT, UNKNOWNS, hasty)
-        assert fitting.run(start, noise=fitting.initial_noise()).converged == (polls == 60)
+    for iterations in (60, 2):
+        options = EstimationOptions(search=SearchOptions(max_iterations=iterations))
+        fitting = PredictionErrorMethod(sections_of([logged(RIGHT)], RIGHT), RIGHT, UNKNOWNS, options)
+        assert fitting.continued(start, fitting.initial_noise()).converged == (iterations == 60)
 
 
 def test_a_likelihood_that_jumps_is_looked_at_beyond_its_jumps(

@@ -196,7 +196,7 @@ def test_several_optima_are_found_and_said() -> None:
     assert found.interval("plant.vehicle.mass")[0] < 1e4 < found.interval("plant.vehicle.mass")[1]
     assert found.values[1] == pytest.approx(0.168, abs=5e-4)
     assert len(found.optima) == 1
-    every = replace(DEFAULTS, vortices=replace(DEFAULTS.vortices, near_best_ratio=3.0))
+    every = replace(DEFAULTS, search=replace(DEFAULTS.search, considerable=100.0))
     several = identify([log], keys, nominal, priors=priors, options=every)
     assert len(several.optima) > 1
     assert several.optima[1].deviance > 100

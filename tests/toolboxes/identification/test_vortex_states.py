@@ -8,9 +8,9 @@ import pytest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
+from dualwinch.toolboxes.identification import vortices
 from dualwinch.toolboxes.identification.identify import identify
 from dualwinch.toolboxes.identification.log import Log
-from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.predictor import predictor_structure, state_template
 from dualwinch.toolboxes.identification.unknowns import AMPLITUDE, STROUHAL, nuisance_parameters
 from dualwinch.toolboxes.identification.vortices import (
@@ -102,10 +102,10 @@ def test_a_kind_of_phase_that_is_not_described_is_found() -> None:
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_where_vortices_come_to_nothing_the_other_kind_of_phase_is_tried() -> None:
+def test_where_vortices_come_to_nothing_the_other_kind_of_phase_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Weak ones hardly show in smoothed readings."""
     weak = {"disturbance.vortex_amplitude": 0.05, "disturbance.strouhal": 0.19}
-    unshown = replace(DEFAULTS, vortices=replace(DEFAULTS.vortices, min_phase_deviance_fall=1e9))
-    found = identify([logged(light(**SHORT, **weak))], KEYS, light(**SHORT, **UNDESCRIBED), options=unshown)
+    monkeypatch.setattr(vortices, "likelier_regression", vortices.vortex_regression)
+    found = identify([logged(light(**SHORT, **weak))], KEYS, light(**SHORT, **UNDESCRIBED))
     assert (np.abs(found.values - TRUTH) < 3 * found.deviations).all()
     assert any("the phase of the vortices is the integral of their frequency" in note for note in found.notes)
