@@ -180,7 +180,7 @@ class TorqueDelay(BuiltIn):
         a sample by inertia and damping.
         """
         options, experiment = fit.model.options, fit.experiment
-        if isinstance(experiment, RecordedExperiment) or options.resampling.torque_rows or _is_sound(fit):
+        if isinstance(experiment, RecordedExperiment) or options.resampling.between_rows or _is_sound(fit):
             return
         here, search = experiment.simulation.delay_samples, options.search
         samples = [screening.delay_in(experiment, options)]
@@ -281,7 +281,7 @@ class LoadCellLag(BuiltIn):
         """One with a lag with which logs are likelier at the start, unless another delay without one is likelier."""
         model = fit.model
         options = model.options
-        lagging_already = self.kind in model.kinds or options.resampling.torque_rows
+        lagging_already = self.kind in model.kinds or options.resampling.between_rows
         if lagging_already or not options.search.nuisance_share or _is_sound(fit):
             return
         values = None if fit.refusal else fit.estimate.values[: len(screening.unknowns)]

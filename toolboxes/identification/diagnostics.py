@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.stats import chi2, norm, pearsonr
 
 from dualwinch.toolbox import ConfigurationError, Experiment, executors, physical_units, physics
 from dualwinch.toolboxes.identification.estimate import ParameterEstimate, PredictionErrorMethod, on_worker
@@ -92,9 +93,9 @@ def _lowest_tension(values: Floats, low: float, experiment: Experiment, options:
 
     A rope cannot push, but a cell's zero may be off, or its sign, and then in all rows.
     """
-    push = options.max_push * experiment.controller.limits.tension_max
+    push = options.max_excess * experiment.controller.limits.tension_max
     marks = values < -push
-    few = 0 < marks.sum() <= options.max_gap_share * np.isfinite(values).sum()
+    few = 0 < 2 * marks.sum() < np.isfinite(values).sum()
     return -push if few and np.nanmin(values[~marks]) - values[marks].max() > push else low
 
 
@@ -166,7 +167,7 @@ def _reason(
         by = 1 / ratio if reference in POSITIONS else ratio
         if by > 1 or step > options.max_scale_ratio * experiment.simulation.sample_time:
             add("t", by)
-    if not suggestions or step <= options.max_step:
+    if not suggestions or step <= options.max_step_ratio * experiment.simulation.sample_time:
         add(name, 1 / ratio)
     if not sure:
         add(reference, ratio)
@@ -175,10 +176,10 @@ def _reason(
 
 def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
     """Refuse a log with an implausible time step, and suggest units."""
-    step, (low, high) = float(np.median(np.diff(log.t))), (options.min_step, options.max_step)
+    step, usual = float(np.median(np.diff(log.t))), experiment.simulation.sample_time
+    low, high = usual / options.max_step_ratio, usual * options.max_step_ratio
     if low <= step <= high:
         return
-    usual = experiment.simulation.sample_time
     fit = {
         unit: abs(np.log(by * step / usual))
         for unit, by in physical_units.UNITS["s"].items()
@@ -200,7 +201,7 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
             continue
         read, pull = np.nanmean(log.columns[tension]), np.nanmean(log.columns[torque]) / float(unit_torques[torque])
         ratio = float(pull / read) if read else 1.0
-        if 1 / options.max_pull_ratio < ratio < options.max_pull_ratio:
+        if _is_of_size(ratio, options):
             continue
         if question := _swapped(log, unit_torques, options):
             raise ConfigurationError(
@@ -220,25 +221,30 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
         )
 
 
-def _pulls_are_opposed(log: Log, unit_torques: Mapping[str, float], options: PlausibilityOptions) -> bool:
-    """Whether the sides' differences of torque and of tension go opposite ways, each averaged over a time.
+def _is_of_size(ratio: float, options: PlausibilityOptions) -> bool:
+    """Whether the ratio of a torque to a tension is plausible, of which either may be off by the largest ratio."""
+    return 1 / options.max_scale_ratio**2 < ratio < options.max_scale_ratio**2
 
-    Averaged because a drum that oscillates has them in opposite phase.
+
+def _pulls_are_opposed(log: Log, unit_torques: Mapping[str, float], options: PlausibilityOptions) -> bool:
+    """Whether the sides' differences of torque and of tension are correlated negatively, each averaged over a time.
+
+    Averaged because a drum that oscillates has them in opposite phase; strongly, and not by chance.
     """
     if not {"F1", "F2"} <= set(log.readings):
         return False
     pulls = [log.columns[torque] / float(unit_torques[torque]) for torque in TORQUES]
     rows = np.isfinite([*pulls, log.columns["F1"], log.columns["F2"]]).all(axis=0)
-    _, window = np.unique((log.t[rows] // options.averaging_time).astype(int), return_inverse=True)
+    _, window = np.unique((log.t[rows] // DEFAULTS.resampling.window).astype(int), return_inverse=True)
 
     def means(values: Floats) -> Floats:
         return np.bincount(window, values[rows]) / np.bincount(window)
 
     torques, tensions = means(pulls[0] - pulls[1]), means(log.columns["F1"] - log.columns["F2"])
-    size = np.abs(means(log.columns["F1"] + log.columns["F2"])).mean() if len(tensions) else 0.0
-    if len(tensions) < options.min_windows or tensions.std() < options.min_difference * size:
+    if len(tensions) < 2 or not (tensions.std() and torques.std()):
         return False
-    return bool(np.corrcoef(torques, tensions)[0, 1] < -options.max_opposition)
+    test: Any = pearsonr(torques, tensions, alternative="less")
+    return bool(test.statistic < -options.min_correlation and test.pvalue < options.improbable)
 
 
 def _swapped(log: Log, unit_torques: Mapping[str, float], options: PlausibilityOptions) -> str | None:
@@ -254,7 +260,7 @@ def _swapped(log: Log, unit_torques: Mapping[str, float], options: PlausibilityO
     cases = ("F1 and F2", side_pulls, ("F2", "F1")), ("tau_1 and tau_2", cross_pulls, ("F1", "F2"))
     for what, pulls, reads in cases:
         ratios = [pull / mean[read] if mean[read] else 1.0 for pull, read in zip(pulls, reads, strict=True)]
-        if all(1 / options.max_pull_ratio < ratio < options.max_pull_ratio for ratio in ratios):
+        if all(_is_of_size(ratio, options) for ratio in ratios):
             pairs.append(what)
     return f"have {' or '.join(pairs)} changed places?" if pairs else None
 
@@ -270,8 +276,8 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
     """Column → lowest and highest plausible value in a log of such a machine, in SI units."""
     plant, strongest = experiment.plant, options.max_tension_ratio * experiment.controller.limits.tension_max
     length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    margin, torques = options.max_beyond_track * length, physics.holding_torques(2 * strongest, plant)
-    farthest = length + margin
+    margin, torques = options.max_excess * length, physics.holding_torques(2 * strongest, plant)
+    farthest, fastest = length + margin, length / 1.0  # the track in a second
     return {
         "x": (-margin, farthest),
         "F1": (-strongest, strongest),
@@ -280,9 +286,9 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
         "theta_2": (-farthest / radius_2, farthest / radius_2),
         "tau_1": (-float(torques.tau_1), float(torques.tau_1)),
         "tau_2": (-float(torques.tau_2), float(torques.tau_2)),
-        "v": (-options.max_speed, options.max_speed),
-        "omega_1": (-options.max_speed / radius_1, options.max_speed / radius_1),
-        "omega_2": (-options.max_speed / radius_2, options.max_speed / radius_2),
+        "v": (-fastest, fastest),
+        "omega_1": (-fastest / radius_1, fastest / radius_1),
+        "omega_2": (-fastest / radius_2, fastest / radius_2),
     }
 
 
@@ -331,11 +337,11 @@ def check_fit(
     for words, share in excess.items():
         if share > limit:
             accept = (
-                f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless_unrecorded else ""
+                f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < 1 - plausibility.max_unrecorded else ""
             )
             refused = UnrecordedForceError if "unrecorded force" in words else ImplausibleFitError
             raise refused(f"{name}: {words}: {unlike}{accept}")
-    jumps = noise_by_differences(readings, options.noise)
+    jumps = noise_by_differences(readings, experiment, options.noise)
     ratios = np.sqrt(estimate.noise.measurement) / jumps
     for index, reading in enumerate(READINGS):
         if counts[index] and ratios[index] > plausibility.max_noise_ratio:
@@ -454,11 +460,11 @@ def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) 
 
 
 def rms_innovations(
-    innovations: Sequence[Floats], step: float, options: DiagnosticsOptions = DEFAULTS.diagnostics
+    innovations: Sequence[Floats], step: float, window: float = DEFAULTS.resampling.window
 ) -> dict[str, Floats]:
     """Reading → (2, windows) time in s, and root mean square of the whitened innovations, in time windows."""
     every = np.concatenate(innovations)
-    count = max(1, min(options.max_windows, len(every) // options.min_window_samples))
+    count = max(1, int(step * len(every) / window))
     starts = np.array([window[0] for window in np.array_split(np.arange(len(every)), count)])
     lengths = np.diff(starts, append=len(every))
     times = step * (starts + (lengths - 1) / 2)
@@ -493,28 +499,31 @@ class UnidentifiableDirection:
 def unidentifiable_directions(
     information: Floats, unknowns: Sequence[UnknownParameter], options: DiagnosticsOptions = DEFAULTS.diagnostics
 ) -> tuple[UnidentifiableDirection, ...]:
-    """Eigenvectors of the logs' (p, p) information with less information than the priors, the worst first."""
+    """Eigenvectors of the logs' (p, p) information with less information than the priors, the worst first.
+
+    Their main parameters are the largest components, which make up a share of it, that from which estimates count as
+    correlated.
+    """
     by = np.array([each.uncertainty for each in unknowns])
     eigenvalues, vectors = np.linalg.eigh(information * np.outer(by, by))
     directions = []
     for eigenvalue, vector in zip(eigenvalues, vectors.T, strict=True):
-        if eigenvalue * options.unidentifiable**2 >= 1:
+        if eigenvalue >= 1:
             continue
-        size, order = np.abs(vector), np.argsort(-np.abs(vector))
-        main = [int(index) for index in order if size[index] >= options.participation * size[order[0]]]
+        order = np.argsort(-np.abs(vector))
+        sums = np.cumsum(vector[order] ** 2)
+        main = order[: 1 + int(np.searchsorted(sums, options.correlated))].tolist()
         deviation = float(1 / np.sqrt(eigenvalue)) if eigenvalue > 0 else np.inf
         directions.append(UnidentifiableDirection(tuple(unknowns[index].key for index in main), deviation))
     return tuple(directions)
 
 
-def uninformed_keys(
-    unknowns: Sequence[UnknownParameter], deviations: Floats, options: DiagnosticsOptions = DEFAULTS.diagnostics
-) -> tuple[str, ...]:
-    """Keys with a posterior deviation hardly smaller than the prior one."""
+def uninformed_keys(unknowns: Sequence[UnknownParameter], deviations: Floats) -> tuple[str, ...]:
+    """Keys on which the logs have less information than the prior, by posterior deviations."""
     return tuple(
         unknown.key
         for unknown, deviation in zip(unknowns, deviations.tolist(), strict=True)
-        if unknown.prior and deviation > options.uninformed * unknown.prior.deviation
+        if unknown.prior and 2 * deviation**2 > unknown.prior.deviation**2
     )
 
 
@@ -607,7 +616,7 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
     for way in (-1, 1):
         at, last = best, value
         for number in range(1, points + 1):
-            target = value + way * options.profile_reach * deviation * number / points
+            target = value + way * method.options.search.reach * deviation * number / points
             fixed = float(np.clip(target, unknown.lower, unknown.upper))
             if fixed in rises:
                 break

@@ -136,7 +136,7 @@ class PredictionErrorMethod:
     def initial_noise(self) -> NoiseCovariances:
         """Initial R and Q."""
         readings = np.concatenate([section.readings for section in self.filters.sections])
-        variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
+        variances = initial_measurement_noise(readings, self._experiment, self.options.noise)
         process = described_disturbances(self._experiment, self.options.noise)
         return NoiseCovariances(variances, process, self._experiment.plant.vehicle)
 
@@ -200,7 +200,7 @@ class PredictionErrorMethod:
             noise = self._noise.tolerable(self.with_values(start), noise)
         if not all_completed(self.likelihood.filtered(start, noise)):
             raise self._diverged()
-        if estimated and self.options.resampling.torque_rows and not self._has_speed:
+        if estimated and self.options.resampling.between_rows and not self._has_speed:
             noise = self._noise.with_torque_noise(self.with_values(start), noise)  # chatter is far from its least size
         values, noise = self._least_squares_rounds(start, noise, estimated, progress)
         coordinates = self.coordinates()
@@ -478,17 +478,15 @@ def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> li
     return starts
 
 
-def distinct_optima(
-    estimates: Sequence[ParameterEstimate], covariance: Floats, distance: float
-) -> tuple[LocalOptimum, ...]:
+def distinct_optima(estimates: Sequence[ParameterEstimate], covariance: Floats) -> tuple[LocalOptimum, ...]:
     """The distinct optima of estimates in order of likelihood, the first of which has the given (p, p) covariance.
 
-    Two are distinct if a parameter differs by more than `distance` standard deviations.
+    Two are distinct if a parameter differs by more than a standard deviation.
     """
     deviations, distinct = np.sqrt(np.diag(covariance)), list[LocalOptimum]()
     for estimate in estimates:
         for index, other in enumerate(distinct):
-            if np.max(np.abs(estimate.values - other.values) / deviations) <= distance:
+            if np.max(np.abs(estimate.values - other.values) / deviations) <= 1:
                 distinct[index] = LocalOptimum(other.values, other.deviance, other.searches + 1)
                 break
         else:

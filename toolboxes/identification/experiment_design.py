@@ -17,6 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from dualwinch.toolbox import (
     ConfigurationError,
@@ -50,7 +51,10 @@ from dualwinch.toolboxes.identification.unknowns import (
 Floats = NDArray[np.float64]
 Criterion = Literal["D", "A"]
 
-LARGEST_SEED = 2**32 - 1
+Cost = tuple[float, float]
+"""Violation of limits, minus infinity for none, and criterion of a motion: the less the better, in this order."""
+
+LARGEST_SEED = int(np.iinfo(np.uint32).max)
 """Largest seed of the search."""
 
 
@@ -97,7 +101,7 @@ def motion_limits(
 
 def motion_dimensions(duration: float, options: ExcitationOptions = DEFAULTS.excitation) -> int:
     """Number of coordinates of a motion of a given duration in s: two, plus two per move."""
-    return 2 + 2 * int(np.clip(duration // options.time_per_move, options.min_moves, options.max_moves))
+    return 2 + 2 * min(max(int(duration // options.time_per_move), 2), options.max_moves)  # at least there and back
 
 
 def motion_of(
@@ -118,8 +122,8 @@ def motion_of(
     points, pauses, position, budget = list[float](), list[float](), 0.0, 0.0
     for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
         budget += time
-        way = _floor(min(abs(target - position), _farthest(budget, move_limits, options)))
-        if way < options.min_distance:
+        way = _floor(min(abs(target - position), _farthest(budget, move_limits)))
+        if not way:
             continue
         position = round(position + float(np.copysign(way, target - position)), 2)
         points.append(position)
@@ -143,13 +147,13 @@ def _move_time(way: float, limits: motions.MoveLimits) -> float:
     return motions.gaining_time(speed, limits) + way / speed
 
 
-def _farthest(time: float, limits: motions.MoveLimits, options: ExcitationOptions) -> float:
-    """The largest distance in m in a time in s, by bisection."""
-    low, high = 0.0, max(limits.speed * time, options.min_distance)
-    for _ in range(options.bisections):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _move_time(middle, limits) <= time else (low, middle)
-    return low
+def _farthest(time: float, limits: motions.MoveLimits) -> float:
+    """The largest distance in m in a time in s."""
+    least, most = 0.01, limits.speed * time
+    if most <= least or _move_time(least, limits) >= time:
+        return 0.0
+    longest: Any = brentq(lambda way: _move_time(way, limits) - time, least, most)
+    return float(longest)
 
 
 def _floor(value: float) -> float:
@@ -415,14 +419,14 @@ def excite(
     size = motion_dimensions(duration, search)
     strategy = cmaes.CMA(np.full(size, 0.5), search.sigma, np.tile([0.0, 1.0], (size, 1)), seed=seed)
     nothing = ExpectedCovariance(None, np.inf, "no time for any motion")
-    best: tuple[float, references.Reference | None, ExpectedCovariance] = (np.inf, None, nothing)
+    best: tuple[Cost, references.Reference | None, ExpectedCovariance] = ((math.inf, math.inf), None, nothing)
     tried, interrupted = 0, False
 
-    def evaluate(point: Floats) -> tuple[float, references.Reference | None, ExpectedCovariance]:
+    def evaluate(point: Floats) -> tuple[Cost, references.Reference | None, ExpectedCovariance]:
         reference, expectation = motion_of(point, limits, duration, search), nothing._replace(violation=2.0)
         if reference:
             expectation = expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
-        return _cost(expectation, unknowns, criterion, search), reference, expectation
+        return _cost(expectation, unknowns, criterion), reference, expectation
 
     while (trials is None or tried < trials) and (seconds is None or perf_counter() - began < seconds or not tried):
         points = [strategy.ask() for _ in range(strategy.population_size)]
@@ -433,7 +437,8 @@ def excite(
                 raise
             interrupted = True
             break
-        strategy.tell([(point, each[0]) for point, each in zip(points, evaluations, strict=True)])
+        order = sorted(range(len(points)), key=lambda place: evaluations[place][0])
+        strategy.tell([(points[place], rank) for rank, place in enumerate(order)])  # it uses ranks alone
         best, tried = min([best, *evaluations], key=lambda each: each[0]), tried + len(points)
         spent = 0.0 if seconds is None else (perf_counter() - began) / seconds
         progress(min(max(spent, 0.0 if trials is None else tried / trials), 1.0))
@@ -466,14 +471,12 @@ def _present_motion(experiment: Experiment, duration: float) -> Experiment:
     return longer
 
 
-def _cost(
-    there: ExpectedCovariance, unknowns: Sequence[UnknownParameter], criterion: Criterion, options: ExcitationOptions
-) -> float:
-    """The logarithm of a typical standard deviation over its prior, or a penalty for a violated limit."""
+def _cost(there: ExpectedCovariance, unknowns: Sequence[UnknownParameter], criterion: Criterion) -> Cost:
+    """The violation of limits, and the logarithm of a typical standard deviation over its prior."""
     if there.covariance is None:
-        return options.infeasibility_penalty + there.violation
+        return max(there.violation, 0.0), math.inf
     by = np.array([each.uncertainty for each in unknowns])
     scaled = there.covariance / np.outer(by, by)
     if criterion == "A":
-        return float(np.log(np.mean(np.diag(scaled))) / 2)
-    return float(np.linalg.slogdet(scaled)[1] / (2 * len(by)))
+        return -math.inf, float(np.log(np.mean(np.diag(scaled))) / 2)
+    return -math.inf, float(np.linalg.slogdet(scaled)[1] / (2 * len(by)))

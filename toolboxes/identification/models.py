@@ -154,7 +154,7 @@ class FittedModel:
             rope = experiment.plant.rope_1
             if getattr(described.plant.rope_1, name) and not getattr(rope, name, 0.0):
                 yield f"ropes move as if they had no {words} (plant.rope_*.{name} = 0), unlike the described ones"
-        if self.method.options.resampling.torque_rows:
+        if self.method.options.resampling.between_rows:
             yield (
                 "torques changed more often than they were logged: between rows their mean over "
                 f"{self.method.options.resampling.torque_rows} rows is used, and chatter is treated as noise"

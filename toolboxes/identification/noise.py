@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
-from dualwinch.toolbox import Experiment, sensing
+from dualwinch.toolbox import Experiment
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.toolboxes.identification.options import NoiseOptions
 from dualwinch.toolboxes.identification.prediction import FilterPass
@@ -30,8 +30,8 @@ from dualwinch.toolboxes.identification.predictor import (
 
 Floats = NDArray[np.float64]
 
-NEGLIGIBLE_FALL = 0.05
-"""Expected fall of half the deviance for which noise is not searched further."""
+DIVERGED = float(np.finfo(float).max ** 0.5)
+"""Half the deviance of a filter that diverges, in a line search."""
 
 LOAD_CELLS = "F1", "F2"
 """Sensors of the ropes' tensions."""
@@ -47,44 +47,39 @@ SIZE, TIME, TIME_ALONE = (1.0, 0.0), (0.5, 1.0), (0.0, 1.0)
 variance added per sample, which a log determines best; and the time alone."""
 
 
-def min_noise(options: NoiseOptions) -> Floats:
+def min_noise(experiment: Experiment, options: NoiseOptions) -> Floats:
     """(readings,) least standard deviations of the sensors' noise, as neither sensors nor model are perfect."""
-    finest = {
-        "x": options.min_position_noise,
-        "v": options.min_speed_noise,
-        "F1": options.min_tension_noise,
-        "F2": options.min_tension_noise,
-        "theta_1": options.min_angle_noise,
-        "theta_2": options.min_angle_noise,
-        "omega_1": options.min_drum_speed_noise,
-        "omega_2": options.min_drum_speed_noise,
-    }
+    plant, least = experiment.plant, options.resolution
+    turns = {side.number: least / side.winch.drum_radius for side in plant.sides}
+    finest = {"x": least, "v": least} | dict.fromkeys(LOAD_CELLS, least * experiment.controller.limits.tension_max)
+    finest |= {f"{name}_{number}": turn for number, turn in turns.items() for name in ("theta", "omega")}
     return np.array([finest[name] for name in READINGS])
 
 
-def initial_measurement_noise(readings: Floats, sensors: sensing.Sensors, options: NoiseOptions) -> Floats:
+def initial_measurement_noise(readings: Floats, experiment: Experiment, options: NoiseOptions) -> Floats:
     """(readings,) initial variances of all sensors.
 
     As described by the experiment, quantisation included; for sensors described as perfect, from differences between
     the log's samples.
     """
+    sensors = experiment.sensors
     described = {
         "x": sensors.position_deviation,
         "v": sensors.speed_noise,
         "F1": sensors.tension_noise,
         "F2": sensors.tension_noise,
     }
-    deviations = noise_by_differences(readings, options)
-    for index, (name, finest) in enumerate(zip(READINGS, min_noise(options).tolist(), strict=True)):
+    deviations = noise_by_differences(readings, experiment, options)
+    for index, (name, finest) in enumerate(zip(READINGS, min_noise(experiment, options).tolist(), strict=True)):
         if described.get(name, 0.0) > 0:
             deviations[index] = max(described[name], finest)
     return deviations**2
 
 
-def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
+def noise_by_differences(readings: Floats, experiment: Experiment, options: NoiseOptions) -> Floats:
     """(readings,) standard deviations of all sensors' noise, by third differences, which cancel most of a motion."""
     own = [_white_noise(values[np.isfinite(values)]) for values in readings.T]
-    return np.maximum(own, min_noise(options))
+    return np.maximum(own, min_noise(experiment, options))
 
 
 def _white_noise(values: Floats) -> float:
@@ -100,11 +95,11 @@ def _white_noise(values: Floats) -> float:
 
 
 def _minimum_between(
-    cost: Callable[[float], float], ends: tuple[float, float], tolerance: float, evaluations: int
+    cost: Callable[[float], float], ends: tuple[float, float], options: NoiseOptions
 ) -> tuple[float, float]:
     """Minimise a cost between two ends by Brent's method; returns the minimum and its cost."""
-    options = {"xatol": tolerance, "maxiter": evaluations}
-    best: Any = minimize_scalar(cost, bounds=ends, method="bounded", options=options)
+    accuracy = {"xatol": options.tolerance, "maxiter": options.max_evaluations}
+    best: Any = minimize_scalar(cost, bounds=ends, method="bounded", options=accuracy)
     return float(best.x), float(best.fun)
 
 
@@ -152,7 +147,7 @@ def minimum_nearby(
     while len(known) <= evaluations and distance >= tolerance and min(known) < best() < max(known):  # not at an end
         middle = best()
         at, least = _vertex(known, middle)
-        if known[middle] - least < NEGLIGIBLE_FALL:
+        if known[middle] - least < tolerance**2 / 2:
             break
         distance = abs(evaluated(at) - middle)
     return best(), known[best()]
@@ -201,13 +196,17 @@ class NoiseCoordinates:
     """
 
     def __init__(
-        self, noise: NoiseCovariances, read: Sequence[int], described: Mapping[str, GaussMarkov], options: NoiseOptions
+        self,
+        noise: NoiseCovariances,
+        least: Mapping[int, float],
+        described: Mapping[str, GaussMarkov],
+        options: NoiseOptions,
     ) -> None:
-        """Coordinates around some noise of the sensors that are `read`, and of described disturbances."""
+        """Coordinates around some noise of sensors, by their indices with least deviations, and of disturbances."""
         self._around = noise
-        self._coordinates = [*_of_sensors(noise, read, options), *_of_disturbances(noise, described, options)]
+        self._coordinates = [*_of_sensors(noise, least), *_of_disturbances(noise, described, options)]
         rows, residuals = list[list[float]](), list[float]()
-        pairs = [(name, options.described_factor, options.described_time_factor) for name in DESCRIBED]
+        pairs = [(name, *[options.described_factor] * 2) for name in DESCRIBED]
         for name, of_size, of_time in (*pairs, (VORTICES, 1.0, options.vortex_time_factor)):
             own, usual = noise.process[name], described[name]
             values = (own.deviation, usual.deviation, of_size), (own.time, usual.time, of_time)
@@ -241,10 +240,11 @@ class NoiseCoordinates:
         return float(np.sum((self.prior_rows @ coordinates + self.prior_residuals) ** 2))
 
 
-def _of_sensors(noise: NoiseCovariances, read: Sequence[int], options: NoiseOptions) -> Iterator[NoiseCoordinate]:
+def _of_sensors(noise: NoiseCovariances, least: Mapping[int, float]) -> Iterator[NoiseCoordinate]:
     """A coordinate for the deviation of each sensor that was read."""
-    lower = np.minimum(np.log(min_noise(options)) - np.log(noise.measurement) / 2, 0.0).tolist()
-    yield from (NoiseCoordinate(sensor=sensor, lower=lower[sensor]) for sensor in read)
+    for sensor, deviation in least.items():
+        below = math.log(deviation) - math.log(noise.measurement[sensor]) / 2
+        yield NoiseCoordinate(sensor=sensor, lower=min(below, 0.0))
 
 
 def _of_disturbances(
@@ -257,7 +257,7 @@ def _of_disturbances(
         yield NoiseCoordinate(disturbances=names, lower=lower, upper=upper)
     uncertain = [
         *((name, SIZE, options.described_factor) for name in DESCRIBED),
-        *((name, TIME, options.described_time_factor) for name in DESCRIBED),
+        *((name, TIME, options.described_factor) for name in DESCRIBED),
         (VORTICES, TIME_ALONE, options.vortex_time_factor),
     ]
     for name, way, factor in uncertain:
@@ -269,13 +269,14 @@ class NoiseEstimator:
     """Estimates R and Q for approximately known parameters."""
 
     def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
-        """Set up; the least deviations are those that the experiment describes."""
+        """Set up; the least deviations of disturbances are those that the experiment describes."""
         self._filters, self._options = filters, options
         self._described = described_disturbances(experiment, options)
         self._least = {name: each.deviation for name, each in self._described.items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)
+        self._min_noise = min_noise(experiment, options)
         read = np.any([np.isfinite(section.readings).any(axis=0) for section in filters.sections], axis=0)
-        self._read = np.flatnonzero(read).tolist()
+        self._read = {sensor: float(self._min_noise[sensor]) for sensor in np.flatnonzero(read).tolist()}
 
     def coordinates(self, noise: NoiseCovariances) -> NoiseCoordinates:
         """Coordinates around some noise."""
@@ -314,16 +315,14 @@ class NoiseEstimator:
     def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
         """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
 
-        Their priors are log-normal around the described values. Each search goes over the whole range.
+        Their priors are log-normal around the described values; searches go up to two of their deviations.
         """
-        options, reach = self._options, math.log(self._options.described_reach)
-        factors = (SIZE, options.described_factor), (TIME, options.described_time_factor)
-        searches = [(name, way, factor, reach) for name in DESCRIBED for way, factor in factors]
-        searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
-        accuracy = options.described_tolerance, options.max_described_evaluations
-        for name, way, factor, reach in searches:
+        options = self._options
+        searches = [(name, way, options.described_factor) for name in DESCRIBED for way in (SIZE, TIME)]
+        for name, way, factor in (*searches, (VORTICES, TIME_ALONE, options.vortex_time_factor)):
             if factor == 1 or noise.process[name].deviation == 0:
                 continue
+            reach = 2 * math.log(factor)  # two deviations of the prior
 
             def moved(by: float, name: str = name, way: Any = way, noise: Any = noise) -> NoiseCovariances:
                 process = noise.process[name].scaled(*(math.exp(by * each) for each in way))
@@ -334,7 +333,7 @@ class NoiseEstimator:
                 priors = self.coordinates(there)
                 return self._cost(experiment, there, None) + priors.prior_deviance(np.zeros(len(priors))) / 2
 
-            noise = moved(_minimum_between(cost, (-reach, reach), *accuracy)[0])
+            noise = moved(_minimum_between(cost, (-reach, reach), options)[0])
         return noise
 
     @property
@@ -355,17 +354,17 @@ class NoiseEstimator:
     ) -> tuple[NoiseCovariances, float]:
         """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
         options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
-        reach, accuracy = np.log(options.grid), (options.line_tolerance, options.max_line_evaluations)
+        reach = np.log(options.grid)
         ends = float(max(now - reach, 0.0)), float(min(now + reach, np.log(options.range)))
 
         def cost_of(factor: float) -> float:
             return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), self._samples)
 
         if options.whole_range:
-            best, cost = _minimum_between(cost_of, ends, *accuracy)
+            best, cost = _minimum_between(cost_of, ends, options)
         else:
             start = float(now), here
-            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, *accuracy)
+            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, options.tolerance, options.max_evaluations)
         return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
 
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
@@ -380,12 +379,12 @@ class NoiseEstimator:
         """The likeliest of several, and its cost; all of them in parallel."""
         deviances = self._filters.deviances([(experiment, noise) for noise in noises], samples)
         best = int(np.argmin(deviances))
-        return noises[best], min(float(deviances[best]) / 2, self._options.diverged_likelihood)
+        return noises[best], min(float(deviances[best]) / 2, DIVERGED)
 
     def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
         filtered = self._filter(experiment, noise, samples)
         if not all_completed(filtered):
-            return self._options.diverged_likelihood
+            return DIVERGED
         return sum(each.negative_log_likelihood for each in filtered)
 
     def with_measurement_noise(
@@ -398,8 +397,8 @@ class NoiseEstimator:
         It ends once that hardly lowers the deviance.
         """
         cost = deviance_of(filtered) / 2
-        least, largest = 2 * np.log(min_noise(self._options)), np.log(np.finfo(float).max) / 2
-        for _ in range(self._options.max_em_steps):
+        least, largest = 2 * np.log(self._min_noise), np.log(np.finfo(float).max) / 2
+        for _ in range(self._options.max_evaluations):
             steps = [noise, first := self._em_step(noise, filtered)]
             filtered = self._filter(experiment, first, None)
             steps.append(self._em_step(first, filtered))
@@ -413,7 +412,7 @@ class NoiseEstimator:
             costs = [deviance_of(each) / 2 if all_completed(each) else np.inf for each in runs]
             likeliest, before = int(np.argmin(costs)), cost
             noise, filtered, cost = candidates[likeliest], runs[likeliest], costs[likeliest]
-            if before - cost < NEGLIGIBLE_FALL:
+            if before - cost < self._options.tolerance**2 / 2:
                 break
         return noise
 
@@ -422,7 +421,7 @@ class NoiseEstimator:
         counts = np.sum([each.counts for each in filtered], axis=0)
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
         variances = np.where(counts > 0, squares / np.maximum(counts, 1), noise.measurement)
-        return replace(noise, measurement=np.maximum(variances, min_noise(self._options) ** 2))
+        return replace(noise, measurement=np.maximum(variances, self._min_noise**2))
 
     def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
         return self._filters.run(experiment, noise, gains=False, samples=samples)

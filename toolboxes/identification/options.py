@@ -28,9 +28,10 @@ class ResamplingOptions:
         quantities.Positive, Quantity("s", "time over which that speed, chatter, pulls and innovations are averaged")
     ] = 0.5
     min_move_time: Annotated[quantities.Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
-    torque_rows: Annotated[
-        int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
-    ] = 0
+    between_rows: Annotated[
+        bool, Quantity("", "whether torques between rows are at a mean of several, not held from row to row")
+    ] = False
+    torque_rows: Annotated[Count, Quantity("1", "rows of that mean")] = 12
     min_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its RMS in the log")] = 0.1
 
 
@@ -51,17 +52,10 @@ class InitialStateOptions:
 class NoiseOptions:
     """Estimation of measurement noise R and process noise Q: initial values, ranges and accuracy."""
 
-    min_position_noise: Annotated[
-        quantities.Positive, Quantity("m", "least deviation of the position sensor's noise")
+    resolution: Annotated[
+        quantities.Positive,
+        Quantity("m", "least noise of position and drums, of speeds per second, and of tensions over the limit"),
     ] = 1e-5
-    min_speed_noise: Annotated[quantities.Positive, Quantity("m/s", "least deviation of the speed sensor's noise")] = (
-        1e-5
-    )
-    min_tension_noise: Annotated[quantities.Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
-    min_angle_noise: Annotated[quantities.Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
-    min_drum_speed_noise: Annotated[
-        quantities.Positive, Quantity("rad/s", "least deviation of a drum speed's noise")
-    ] = 1e-4
     force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
     torque_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
     vortex_time: Annotated[
@@ -76,43 +70,21 @@ class NoiseOptions:
     min_torque: Annotated[quantities.Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
     range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
     grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
-    line_tolerance: Annotated[quantities.Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
-    max_line_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of a line search")] = 5
+    tolerance: Annotated[
+        quantities.Positive, Quantity("1", "accuracy of the logarithm of a deviation or time by a rough search")
+    ] = 0.1
+    max_evaluations: Annotated[Count, Quantity("1", "largest number of steps of a rough search in one of them")] = 7
     described_factor: Annotated[
-        float, Ge(1), Quantity("1", "prior deviation of the size of current and rail load, as a factor; 1: known")
-    ] = 3.0
-    described_time_factor: Annotated[
-        float, Ge(1), Quantity("1", "prior deviation of their correlation times, as a factor; 1: known")
+        float,
+        Ge(1),
+        Quantity("1", "prior deviation of size and correlation time of current and rail load, as a factor; 1: known"),
     ] = 2.0
-    described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
-    described_tolerance: Annotated[quantities.Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
-    max_described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
     whole_range: Annotated[
         bool, Quantity("", "search over the whole reach each time (Brent's method), not from where noise is")
     ] = False
     section_time: Annotated[
         quantities.Positive, Quantity("s", "time at the start of each section used by a rough search")
     ] = 10.0
-    max_em_steps: Annotated[int, Ge(0), Quantity("1", "largest number of cycles of expectation maximisation for R")] = 8
-    diverged_likelihood: Annotated[
-        quantities.Positive, Quantity("1", "negative log-likelihood of a filter that diverges")
-    ] = 1e12
-
-
-@dataclass(frozen=True)
-class TypicalSizes:
-    """Scales of parameters with the default zero, by the end of their keys."""
-
-    encoder_zero: Annotated[quantities.Positive, Quantity("m", "encoder zeros, along the rope")] = 1e-3
-    load_cell_zero: Annotated[quantities.Positive, Quantity("N", "load cell zeros")] = 30.0
-    load_cell_error: Annotated[quantities.Positive, Quantity("1", "load cell scale errors")] = 0.01
-    position_bias: Annotated[quantities.Positive, Quantity("m", "bias of the position sensor")] = 1e-3
-    radius_error: Annotated[quantities.Positive, Quantity("1", "relative errors of drum radii")] = 2e-3
-    torque_error: Annotated[quantities.Positive, Quantity("1", "relative errors of motor torques")] = 0.02
-    torque_ripple: Annotated[quantities.Positive, Quantity("1", "relative torque ripples")] = 0.01
-    elongation: Annotated[quantities.Positive, Quantity("1", "creep of ropes")] = 5e-4
-    layer_thickness: Annotated[quantities.Positive, Quantity("m", "thickness of rope layers")] = 1e-3
-    eccentricity: Annotated[quantities.Positive, Quantity("m", "eccentricities of drums")] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -143,7 +115,6 @@ class CoarseLogOptions:
     chatter is not white, the likeliest noise explains too much: Q is estimated before the first Newton steps only.
     """
 
-    rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 12
     min_spacing: Annotated[Factor, Quantity("samples", "time between rows from which this is considered")] = 1.5
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
     min_chatter: Annotated[quantities.Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
@@ -166,7 +137,11 @@ class SearchOptions:
         Quantity("1", "innovation, in deviations, beyond which a reading counts less", "Huber (1964)"),
     ] = 4.0
     range_factor: Annotated[Factor, Quantity("1", "range of a parameter, in its scale or prior deviation")] = 10.0
-    typical: TypicalSizes = field(default_factory=TypicalSizes)
+    length: Annotated[
+        quantities.Positive,
+        Quantity("m", "scale of a length or of an encoder's zero that is zero by default"),
+    ] = 1e-3
+    share: Annotated[quantities.Positive, Quantity("1", "scale of a share that is zero by default")] = 0.01
     nuisance_share: Annotated[
         float, Ge(0), Quantity("1", "prior deviation of inertias as additional parameters; 0: none are estimated")
     ] = 0.3
@@ -223,26 +198,9 @@ class DiagnosticsOptions:
     lags: Annotated[Count, Quantity("samples", "lags of the correlations of innovations")] = 50
     confidence: Annotated[Share, Quantity("1", "confidence of a whiteness test over all lags", "Bonferroni")] = 0.99
     negligible_correlation: Annotated[Share, Quantity("1", "correlation that is neglected even if significant")] = 0.05
-    max_windows: Annotated[Count, Quantity("1", "largest number of time windows for the innovations' size")] = 200
-    min_window_samples: Annotated[Count, Quantity("samples", "least length of a window")] = 50
-    unidentifiable: Annotated[
-        quantities.Positive,
-        Quantity("1", "deviation of a direction by the logs, over the prior one, from which it is reported"),
-    ] = 0.5
-    participation: Annotated[Share, Quantity("1", "component, over the largest, from which its key is reported")] = 0.3
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates from which it is reported")] = 0.9
-    uninformed: Annotated[Share, Quantity("1", "posterior over prior deviation at which the logs add nothing")] = 0.9
     blocks: Annotated[int, Ge(2), Quantity("1", "time blocks per section for the sandwich covariance")] = 20
-    unreliable_factor: Annotated[
-        Factor, Quantity("1", "factor of the sandwich covariance's deviations from which they are unreliable")
-    ] = 4.0
-    optima_distance: Annotated[quantities.Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
-    profile_reach: Annotated[quantities.Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "points of a profile likelihood on each side")] = 4
-    force_spacing: Annotated[quantities.Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
-    force_difference: Annotated[
-        quantities.Positive, Quantity("m/s", "change of the current for the force's derivative")
-    ] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -256,14 +214,14 @@ class PlausibilityOptions:
         quantities.Positive,
         Quantity("1", "unrecorded torque or force, over the recorded one, from which a fit is refused"),
     ] = 0.1
-    hopeless_unrecorded: Annotated[
-        quantities.Positive, Quantity("1", "the same, from which the message names no option")
-    ] = 0.9
     max_noise_ratio: Annotated[
         Factor, Quantity("1", "noise of a sensor, over its jumps, from which a fit is refused")
     ] = 50.0
-    max_beyond_track: Annotated[
-        quantities.Positive, Quantity("1", "plausible distance beyond the track, over its length")
+    max_excess: Annotated[
+        quantities.Positive,
+        Quantity(
+            "1", "plausible distance beyond the track, and push of a rope, over its length and the largest tension"
+        ),
     ] = 0.2
     max_scale_ratio: Annotated[
         Factor, Quantity("1", "ratio of the distances by two sensors, or its inverse, that is refused")
@@ -274,27 +232,10 @@ class PlausibilityOptions:
     min_distance: Annotated[
         quantities.Positive, Quantity("1", "deviation of a distance, over the track, below which it is not used")
     ] = 0.01
-    max_pull_ratio: Annotated[
-        Factor, Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused")
-    ] = 4.0
-    averaging_time: Annotated[quantities.Positive, Quantity("s", "time over which both sides' pulls are averaged")] = (
-        1.0
-    )
-    min_windows: Annotated[int, Ge(3), Quantity("1", "number of such times below which they are not compared")] = 10
-    min_difference: Annotated[
-        Share, Quantity("1", "deviation of the tensions' difference, over their sum, below which it is not used")
-    ] = 0.02
-    max_opposition: Annotated[
-        Share, Quantity("1", "correlation of the sides' differences of torque and tension, negated, that is refused")
-    ] = 0.5
-    max_push: Annotated[
-        Share, Quantity("1", "push of a rope by a few readings, over the controller's limit, that is plausible")
-    ] = 0.2
-    max_gap_share: Annotated[Share, Quantity("1", "largest share of such readings")] = 0.01
     max_tension_ratio: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
-    max_speed: Annotated[quantities.Positive, Quantity("m/s", "plausible speed")] = 50.0
-    min_step: Annotated[quantities.Positive, Quantity("s", "least plausible time between two rows")] = 5e-6
-    max_step: Annotated[quantities.Positive, Quantity("s", "largest plausible time between two rows")] = 0.5
+    max_step_ratio: Annotated[
+        Factor, Quantity("1", "time between two rows, over the sample time or inverse, that is refused")
+    ] = 500.0
 
 
 @dataclass(frozen=True)
@@ -302,9 +243,7 @@ class ExcitationOptions:
     """The search for the motion with the most informative log."""
 
     time_per_move: Annotated[quantities.Positive, Quantity("s", "mean time of a move")] = 8.0
-    min_moves: Annotated[Count, Quantity("1", "least number of moves")] = 2
     max_moves: Annotated[Count, Quantity("1", "largest number of moves")] = 12
-    min_distance: Annotated[quantities.Positive, Quantity("m", "least distance of a move")] = 0.1
     min_speed_share: Annotated[Share, Quantity("1", "least speed and acceleration, over the largest")] = 0.3
     jerk_time: Annotated[
         quantities.Positive, Quantity("s", "rise time of the acceleration without a limit of jerk")
@@ -313,13 +252,9 @@ class ExcitationOptions:
     max_slack_share: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack")] = 5e-3
     max_overshoot: Annotated[quantities.Positive, Quantity("1", "allowed relative overshoot of the speed")] = 0.05
     sigma: Annotated[Share, Quantity("1", "initial step size of CMA-ES, over each range")] = 0.3
-    infeasibility_penalty: Annotated[
-        quantities.Positive, Quantity("1", "penalty of a motion that violates a limit")
-    ] = 1e3
     max_trials: Annotated[Count, Quantity("1", "number of simulated motions without a time limit")] = 200
     min_duration: Annotated[quantities.Positive, Quantity("s", "shortest run")] = 5.0
     max_duration: Annotated[quantities.Positive, Quantity("s", "longest run")] = 3600.0
-    bisections: Annotated[Count, Quantity("1", "bisections for the largest distance in a given time")] = 40
 
 
 @dataclass(frozen=True)

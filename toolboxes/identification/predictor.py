@@ -47,10 +47,10 @@ PREDICTOR_GROUPS = ("plant", "sensors", "actuator", "disturbance", "recorder")
 
 SAMPLE_TIME = "simulation.sample_time"
 
-LEAST_TIME = 1e-9
+LEAST_TIME = float(np.finfo(float).eps ** 0.5)
 """Added in s to the time from a sample to its row, which may be zero, where the integrator divides by it."""
 
-LEAST_COEFFICIENT = 1e-12
+LEAST_COEFFICIENT = float(np.finfo(float).eps ** 0.75)
 """Added to coefficients in denominators, which may be zero; their forces are zero then."""
 
 

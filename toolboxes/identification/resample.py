@@ -91,7 +91,7 @@ def resampled(
 
     Each reading is assigned to the sample nearest to its time less the described delay of its sensor. With jitter
     (``simulation.jitter``), sample times are those of the log, else multiples of the sample time. Torque commands are
-    held until the next or, with ``options.torque_rows``, at their mean between rows. They reach the motors
+    held until the next or, with ``options.between_rows``, at their mean between rows. They reach the motors
     ``simulation.delay_samples`` later; samples before the first arrival are dropped.
 
     Raises:
@@ -110,7 +110,7 @@ def resampled(
     commands = recorder.steps * (numbers // recorder.steps) if recorder else numbers
     commanded = np.column_stack([_held_torque(log, name, commands, count, step, options) for name in TORQUES])
     torques, shares = commanded, np.ones_like(commanded)
-    if options.torque_rows:
+    if options.between_rows:
         torques, shares = _between_rows(commanded, numbers, options, step)
     rows, in_steps = np.full((len(log.t), len(READINGS)), np.nan), counting(experiment.sensors)
     for column, name in enumerate(READINGS):

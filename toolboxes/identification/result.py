@@ -104,7 +104,7 @@ class IdentificationResult(UncertainEstimates):
     @property
     def uninformed(self) -> tuple[str, ...]:
         """Keys on which the logs add hardly any information to the prior."""
-        return uninformed_keys(self.unknowns, self.deviations, self.options.diagnostics)
+        return uninformed_keys(self.unknowns, self.deviations)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
@@ -232,7 +232,7 @@ class IdentificationResult(UncertainEstimates):
                 "innovations are not white: the model lacks something; standard deviations are up to "
                 f"{self.widened:.3g} times those of the model (sandwich covariance)"
             )
-        if self.widened > self.options.diagnostics.unreliable_factor:
+        if self.widened > self.options.search.reach:
             words.append(
                 "such deviations are not to be trusted: fit other parameters that may be wrong, such as "
                 "plant.rope_*.modulus"

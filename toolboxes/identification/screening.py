@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dualwinch.toolbox import ConfigurationError, Experiment, leaves, physics, with_leaves
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
-from dualwinch.toolboxes.identification.log import Log
+from dualwinch.toolboxes.identification.log import SAME_TIME, Log
 from dualwinch.toolboxes.identification.models import FittedModel, LogModel
 from dualwinch.toolboxes.identification.noise import LOAD_CELLS
 from dualwinch.toolboxes.identification.options import EstimationOptions
@@ -33,9 +33,6 @@ Floats = NDArray[np.float64]
 
 PHASES = (np.arange(8) / 8 + 1 / 16).tolist()
 """Phases of a recorder at which a search begins, in samples."""
-
-TOLERANCE = 1e-3
-"""Relative error of a recorder's rate, at most."""
 
 ONE_STEP = "adaptive"
 """Integrator that takes one step from sample to sample."""
@@ -172,7 +169,7 @@ class LogScreening:
             min_torque=coarse.min_chatter,
             whole_range=True,
         )
-        resampling = replace(options.resampling, torque_rows=coarse.rows)
+        resampling = replace(options.resampling, between_rows=True)
         return replace(options, resampling=resampling, noise=noise)
 
     def with_torques_between_rows(self, model: LogModel, values: Floats | None = None) -> LogModel | None:
@@ -213,7 +210,7 @@ class LogScreening:
         ):
             return None
         start = np.zeros(0)
-        samples, steps = round(options.noise.section_time / step), math.ceil(step / min(spacings) - TOLERANCE)
+        samples, steps = round(options.noise.section_time / step), math.ceil(step / min(spacings) - SAME_TIME)
 
         def clocked(late: int, phase: float, *, interpolated: bool) -> Experiment:
             recorder = RecorderClock(phase * step, steps=steps, interpolated=interpolated)

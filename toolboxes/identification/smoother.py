@@ -45,11 +45,12 @@ class SmoothedForce:
 
 def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterEstimate) -> SmoothedForce:
     """Estimate the unrecorded force on the vehicle over a log, by the modified Bryson–Frazier smoother."""
-    experiment, options = estimate.experiment, method.options.diagnostics
+    experiment = estimate.experiment
     filters = method.filters_of(sections_of([log], experiment, method.options.resampling, standstill=True))
     ((states, smoothed, covariances),) = filters.smooth(experiment, estimate.noise)
-    (section,), vehicle, change = filters.sections, experiment.plant.vehicle, options.force_difference
-    rows = slice(None, None, max(1, round(options.force_spacing / experiment.simulation.sample_time)))
+    (section,), vehicle, change = filters.sections, experiment.plant.vehicle, float(np.finfo(float).eps ** 0.5)
+    fading = estimate.noise.process["force"].time / experiment.simulation.sample_time
+    rows = slice(None, None, max(1, round(fading / 100)))  # a hundred rows for the time in which a force fades
     v = states[rows, list(leaves(state_template(method.structure))).index("motion.plant.v")]
     by = per_coefficient(vehicle)
     current, load, force = (smoothed[rows, DISTURBANCES.index(name)] for name in DISTURBANCES[:3])

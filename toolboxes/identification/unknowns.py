@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from os import PathLike
 
@@ -163,7 +163,6 @@ def unknown_parameters(
                 f"--prior {key}: is not fitted; add it to --fit; {quantities.suggestion(key, keys)}"
             )
     values, described, factor = leaves(experiment), description.describe_parts(experiment), options.range_factor
-    typical = {each.name: getattr(options.typical, each.name) for each in fields(options.typical)}
     parameters = []
     for key in keys:
         leaf, prior = described[key], priors.get(key)
@@ -171,7 +170,8 @@ def unknown_parameters(
         if prior and not lower <= prior.mean <= upper:
             raise ConfigurationError(f"--prior {key}={prior.mean:g}: must be {leaf.wanted}")
         start = prior.mean if prior else float(values[key])
-        usual = next((size for part, size in typical.items() if part in key), 1.0)
+        sizes = {"m": options.length, "N": options.share * experiment.controller.limits.tension_max, "1": options.share}
+        usual = sizes.get(leaf.quantity.unit, 1.0)
         scale = prior.deviation if prior else abs(start) or usual
         lowest = start / factor if lower >= 0 < start and not prior else start - factor * scale
         ends = max(lower, lowest), min(upper, start + factor * scale)

@@ -17,9 +17,6 @@ from dualwinch.toolboxes.identification.resample import resampled
 
 Floats = NDArray[np.float64]
 
-REACH = 4
-"""Reach of the Gaussian that smooths readings, over its deviation, as usual in SciPy."""
-
 
 @dataclass(frozen=True, eq=False)
 class SmoothedMotion:
@@ -86,7 +83,7 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     else:
         pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
         net = inputs[:, 1:3] @ pulls
-    half = math.ceil(REACH * width)
+    half = math.ceil(options.search.reach * width)
     if len(inputs) <= 2 * half:
         return None
     rows = slice(half, len(inputs) - half, max(1, int(width / 2)))
@@ -97,8 +94,8 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     v = smooth(x, 1)
     moving = np.abs(v) > options.resampling.standstill_speed
     independent = min((rows.step or 1) / (2 * math.sqrt(math.pi) * width), 1.0)  # rows over the Gaussian's length
-    series_of = inputs[rows, 0], smooth(x), v, smooth(x, 2), smooth(net)
-    motion = SmoothedMotion(*(values[moving] for values in series_of), bool(moving[0]), independent)
+    t, x, a, net = inputs[rows, 0], smooth(x), smooth(x, 2), smooth(net)
+    motion = SmoothedMotion(t[moving], x[moving], v[moving], a[moving], net[moving], bool(moving[0]), independent)
     coefficients = motion.base.shape[1] + 2  # drag and the amplitude of its vortices besides
     return motion if moving.sum() * independent > coefficients else None
 
@@ -121,7 +118,7 @@ def begins_at_rest(log: Log, experiment: Experiment, options: EstimationOptions 
     if name is None:
         return False
     t, values = log.t - log.t[0], radius[name] * log.columns[name]
-    rows = (t < REACH * options.vortices.smoothing) & np.isfinite(values)
+    rows = (t < options.search.reach * options.vortices.smoothing) & np.isfinite(values)
     powers = np.vander(t[rows], 4, increasing=True)
     if len(powers) <= powers.shape[1]:
         return False

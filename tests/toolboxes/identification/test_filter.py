@@ -42,7 +42,7 @@ def filters(
     (section,) = sections_of([logged(MACHINE)], MACHINE)
     section = replace(section, inputs=section.inputs[window].copy(), readings=section.readings[window].copy())
     noise = NoiseCovariances(
-        initial_measurement_noise(section.readings, MACHINE.sensors, DEFAULTS.noise),
+        initial_measurement_noise(section.readings, MACHINE, DEFAULTS.noise),
         described_disturbances(MACHINE, DEFAULTS.noise),
         MACHINE.plant.vehicle,
     )

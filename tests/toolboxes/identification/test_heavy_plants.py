@@ -1,5 +1,7 @@
 """Logs of machines whose ropes have mass and sag and whose gearboxes give, fitted by a model that has them too."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -37,9 +39,9 @@ def test_the_filter_begins_with_ropes_as_taut_as_the_load_cells_read() -> None:
     assert spread.min() > -1e-15 * spread.max()
     assert (np.diag(covariance)[:6] > 0).all()
     spread = dict(zip(leaves(state_template(structure)), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    assert all(spread[f"motion.plant.rope_{number}.hysteresis.share"] == 0.6 for number in (1, 2))
+    assert all(spread[f"motion.plant.rope_{number}.hysteresis.share"] == 1 / math.sqrt(3) for number in (1, 2))
     for number, pull in ((1, 1400.0), (2, 700.0)):  # 1 m of rope with the water around it, and its depth at rest
-        rate = 0.3 * 20.2 / (8 * pull) * np.pi * np.sqrt(pull / 2.96)
+        rate = DEFAULTS.initial_state.share * 20.2 / (8 * pull) * np.pi * np.sqrt(pull / 2.96)
         assert spread[f"motion.plant.rope_{number}.sag.rate"] == pytest.approx(rate, rel=0.02)
     inner = ("waves.position", "waves.speed", "actuator_1.torque", "load_cells.F1", "rail.deflection")
     assert all(value > 0 for name, value in spread.items() if name.endswith(inner))

@@ -27,7 +27,7 @@ SLOW = machine(sensors__load_cell_time_constant=2e-3)
 def test_the_lag_of_the_load_cells_is_the_likeliest() -> None:
     structure, (section,) = predictor_structure(SLOW), sections_of([logged(SLOW)], SLOW)
     noise = NoiseCovariances(
-        initial_measurement_noise(section.readings, SLOW.sensors, DEFAULTS.noise),
+        initial_measurement_noise(section.readings, SLOW, DEFAULTS.noise),
         described_disturbances(SLOW, DEFAULTS.noise),
         SLOW.plant.vehicle,
     )

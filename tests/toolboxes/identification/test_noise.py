@@ -140,7 +140,7 @@ def _with_sea(right: Experiment, nominal: Experiment) -> dict[str, GaussMarkov]:
 def test_a_sea_whose_size_is_known_stays_as_it_is() -> None:
     right = machine()
     _, fitting = search(right, right)
-    known = NoiseEstimator(fitting.filters, right, NoiseOptions(described_factor=1.0, described_time_factor=1.0))
+    known = NoiseEstimator(fitting.filters, right, NoiseOptions(described_factor=1.0))
     noise = fitting.initial_noise()
     assert known.with_sea(right, noise) is noise
 

@@ -180,7 +180,7 @@ def marked(name: str, value: float) -> Log:
     [
         (
             lambda: only(by(t=1e3), "x"),
-            r"t: has a row every 1 s: must be 5e-06 to 0.5 s; .*--column t=NAME:ms\)",
+            r"t: has a row every 1 s: must be 2e-06 to 0.5 s; .*--column t=NAME:ms\)",
         ),
         (lambda: only(by(t=1e6), "x"), r"t: has a row every 1e\+03 s: .*NAME:us"),
         (lambda: only(by(t=1 / 3600), "x"), r"t: has a row every 2.78e-07 s: .*NAME:h"),

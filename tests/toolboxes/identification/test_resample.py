@@ -147,7 +147,7 @@ def test_torques_that_chatter_between_rows_are_expected_at_their_mean() -> None:
     chatter = np.random.default_rng(3).normal(0, 4.0, ROWS)
     given = columns(tau_1=20 + chatter)
     rows = {name: values[::5] for name, values in given.items()}
-    options = ResamplingOptions(torque_rows=8, min_rows=50)
+    options = ResamplingOptions(between_rows=True, torque_rows=8, min_rows=50)
     inputs, _ = resampled(log(rows), Experiment(), options)
     np.testing.assert_array_equal(inputs[::5, 1:3], np.column_stack([rows["tau_1"], rows["tau_2"]]))
     last = slice(ROWS // 10, ROWS - 5)

@@ -27,7 +27,7 @@ def test_rest_is_left_out_where_drums_stick() -> None:
 
 
 def test_where_hardly_anything_moves_nothing_is_left_out() -> None:
-    short = np.where((T > 3) & (T < 6), 1.0, 0.0)
+    short = np.where((T > 3) & (T < 4), 1.0, 0.0)
     assert moving_intervals(readings(short, "x"), STICKY) == [slice(0, len(T))]
     assert moving_intervals(np.full((len(T), len(READINGS)), np.nan), STICKY) == [slice(0, len(T))]
 
