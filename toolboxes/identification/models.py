@@ -286,11 +286,6 @@ class FittedModel:
         probability = math.erfc(abs(self.estimate.values[index]) / math.sqrt(2 * variance))
         return probability < 1 - self.method.options.diagnostics.confidence
 
-    def is_at_bound(self, key: str) -> bool:
-        """Whether an estimate is at an end of its range."""
-        unknown, value = self.method.unknowns[self._index(key)], self.estimate.values[self._index(key)]
-        return not unknown.lower < value < unknown.upper
-
 
 @dataclass(frozen=True)
 class ModelEvidence:
