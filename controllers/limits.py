@@ -47,6 +47,11 @@ class Limits:
     )
 
     @property
+    def taut(self) -> Scalar:
+        """Tension in N from which a rope counts as taut: half of tension_min."""
+        return self.tension_min / 2
+
+    @property
     def command_max(self) -> Scalar:
         """Largest tension command in N: tension_max − reserve."""
         return self.tension_max - self.reserve

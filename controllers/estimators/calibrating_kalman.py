@@ -16,7 +16,6 @@ from typing import Annotated, ClassVar
 
 from dualwinch.controllers.estimators.innovation_gate import GateGains, Gates
 from dualwinch.controllers.estimators.kalman import (
-    TAUT,
     KalmanEstimate,
     KalmanState,
     MotionFilter,
@@ -121,7 +120,7 @@ class CalibratingKalman(MotionFilter):
         self, state: CalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: calibrate the ropes, then filter the motion with the calibrated ropes."""
-        nominal, taut, drums = context.nominal, TAUT * context.limits.tension_min, []
+        nominal, taut, drums = context.nominal, context.limits.taut, []
         ropes, noise = (state.rope_1, state.rope_2), self.kalman.position_noise
         now = timely(state.motion, measurement, self.kalman, nominal)
         measured = (now.F1, now.theta_1), (now.F2, now.theta_2)

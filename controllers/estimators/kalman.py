@@ -161,9 +161,6 @@ def initial_motion(gate: GateGains) -> KalmanState:
 DOUBLINGS = 18
 """Doubling steps: the gain is that after 2^18 samples."""
 
-TAUT = 0.5
-"""Share of tension_min above which a rope counts as taut."""
-
 
 class SteadyFilter(NamedTuple):
     """The steady-state filter: its gain as in `kalman_gain`, and the variance in m²/s² of the predicted speed."""
@@ -271,7 +268,7 @@ def witnesses(
 
     The nominal plant has the present calibration. A rope counts as slack far below ``context.limits.tension_min``.
     """
-    encoders, taut = [], TAUT * context.limits.tension_min
+    encoders, taut = [], context.limits.taut
     measured = (now.F1, now.theta_1), (now.F2, now.theta_2)
     lengths = rope_lengths(state.x, nominal.track)
     for side, length, (F, theta), spread in zip(nominal.sides, lengths, measured, spreads, strict=True):

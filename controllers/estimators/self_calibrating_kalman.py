@@ -41,7 +41,6 @@ from dualwinch.controllers.estimators.encoder_calibration import (
 )
 from dualwinch.controllers.estimators.innovation_gate import Gates, Witness, position_gated
 from dualwinch.controllers.estimators.kalman import (
-    TAUT,
     KalmanEstimate,
     KalmanGains,
     KalmanState,
@@ -497,7 +496,7 @@ def _true_errors(side: Side, sheet: Side, drum: Drum, length: Scalar, track: Tra
 
 def _drums(measurement: Measurement, motion: KalmanState, context: Context) -> tuple[Drum, Drum]:
     """Both drums from this sample's measurement and nominal values, at the predicted motion."""
-    drums, taut = [], TAUT * context.limits.tension_min
+    drums, taut = [], context.limits.taut
     measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
     lengths = rope_lengths(motion.x, context.nominal.track)
     for side, length, (F, theta) in zip(context.nominal.sides, lengths, measured, strict=True):
