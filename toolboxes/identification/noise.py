@@ -217,7 +217,7 @@ class NoiseCoordinates:
                     residuals.append(math.log(value / expected) / math.log(factor))
         self.prior_rows = np.array(rows).reshape(len(rows), len(self._coordinates))
         self.prior_residuals = np.array(residuals)
-        ends, reach = ("lower", "upper"), math.log(options.range)
+        ends, reach = ("lower", "upper"), -math.log(options.resolution)
         bounds = [[getattr(each, end) for each in self._coordinates] for end in ends]
         self.bounds: tuple[Floats, Floats] = tuple(np.clip(bounds, -reach, reach))
 
@@ -253,7 +253,7 @@ def _of_disturbances(
     """Coordinates for deviations that no experiment describes, and of described disturbances that are uncertain."""
     for names in ESTIMATED:
         above = math.log(noise.process[names[0]].deviation / described[names[0]].deviation)
-        lower, upper = min(-above, 0.0), max(math.log(options.range) - above, 0.0)
+        lower, upper = min(-above, 0.0), max(-math.log(options.resolution) - above, 0.0)
         yield NoiseCoordinate(disturbances=names, lower=lower, upper=upper)
     uncertain = [
         *((name, SIZE, options.described_factor) for name in DESCRIBED),
@@ -340,7 +340,7 @@ class NoiseEstimator:
     def _factors(self) -> list[float]:
         """Grid of factors on the least deviation, over its whole range."""
         options = self._options
-        return (options.grid ** np.arange(np.ceil(np.log(options.range) / np.log(options.grid)))).tolist()
+        return (options.grid ** np.arange(np.ceil(-np.log(options.resolution) / np.log(options.grid)))).tolist()
 
     def _grid(self, noise: NoiseCovariances) -> list[NoiseCovariances]:
         """Deviations of all groups on a grid over their range."""
@@ -355,7 +355,7 @@ class NoiseEstimator:
         """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
         options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
         reach = np.log(options.grid)
-        ends = float(max(now - reach, 0.0)), float(min(now + reach, np.log(options.range)))
+        ends = float(max(now - reach, 0.0)), float(min(now + reach, -np.log(options.resolution)))
 
         def cost_of(factor: float) -> float:
             return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), self._samples)

@@ -54,7 +54,11 @@ class NoiseOptions:
 
     resolution: Annotated[
         quantities.Positive,
-        Quantity("m", "least noise of position and drums, of speeds per second, and of tensions over the limit"),
+        Quantity(
+            "m",
+            "least noise of position and drums, of speeds per second, and over the largest tension that of tensions, "
+            "unrecorded forces and torques, whose largest is its inverse times the least",
+        ),
     ] = 1e-5
     force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
     torque_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
@@ -64,11 +68,9 @@ class NoiseOptions:
     vortex_time_factor: Annotated[
         float, Ge(1), Quantity("1", "prior deviation of `vortex_time`, as a factor; 1: known")
     ] = 30.0
-    min_force: Annotated[
-        quantities.Positive, Quantity("1", "least deviation of the unrecorded force, over the friction at 1 m/s")
-    ] = 1e-4
-    min_torque: Annotated[quantities.Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
-    range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
+    min_chatter: Annotated[
+        quantities.NonNegative, Quantity("1", "least unrecorded torque over the chatter between rows; 0: no chatter")
+    ] = 0.0
     grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
     tolerance: Annotated[
         quantities.Positive, Quantity("1", "accuracy of the logarithm of a deviation or time by a rough search")

@@ -189,14 +189,16 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
     """
     disturbance, vehicle, sensors = experiment.disturbance, experiment.plant.vehicle, experiment.sensors
     amplitude = disturbance.vortex_amplitude if has_vortex_states(experiment) else 0.0
+    least = options.resolution * experiment.controller.limits.tension_max
+    held = vars(physics.holding_torques(2 * least, experiment.plant))
+    torques = {name.replace("tau", "torque"): options.min_chatter or abs(float(each)) for name, each in held.items()}
     return {
         "current": GaussMarkov(disturbance.current_sigma, disturbance.current_time),
         "normal_force_variation": GaussMarkov(
             disturbance.normal_force_sigma * vehicle.normal_force, disturbance.normal_force_time
         ),
-        "force": GaussMarkov(options.min_force * max(float(physics.friction(1.0, vehicle)), 1.0), options.force_time),
-        "torque_1": GaussMarkov(options.min_torque, options.torque_time),
-        "torque_2": GaussMarkov(options.min_torque, options.torque_time),
+        "force": GaussMarkov(least, options.force_time),
+        **{name: GaussMarkov(torque, options.torque_time) for name, torque in torques.items()},
         "position_drift": GaussMarkov(sensors.position_drift, sensors.position_drift_time),
         VORTICES: GaussMarkov(amplitude, options.vortex_time),
     }

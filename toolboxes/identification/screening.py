@@ -166,7 +166,7 @@ class LogScreening:
         noise = replace(
             options.noise,
             torque_time=coarse.chatter_time * step,
-            min_torque=coarse.min_chatter,
+            min_chatter=coarse.min_chatter,
             whole_range=True,
         )
         resampling = replace(options.resampling, between_rows=True)
