@@ -59,7 +59,7 @@ class NoiseOptions:
             "least noise of position and drums, of speeds per second, and over the largest tension that of tensions, "
             "unrecorded forces and torques, whose largest is its inverse times the least",
         ),
-    ] = 1e-5
+    ] = 1e-6
     force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
     torque_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
     vortex_time: Annotated[
