@@ -16,6 +16,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.identification.diagnostics import unidentifiable_directions
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.toolboxes.identification.identify import identify
+from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.log import Log
 from dualwinch.toolboxes.identification.resample import sections_of
 from dualwinch.toolboxes.identification.unknowns import (
@@ -234,8 +235,8 @@ def test_sensors_without_noise_are_not_taken_for_perfect() -> None:
     found = identify([logged(right)], KEYS, override(right, NOMINAL))
     off = (found.values - truth(right, found.keys)) / found.deviations
     assert np.abs(off).max() < 4
-    assert found.noise["x"] == pytest.approx(1e-5)
-    assert found.noise["theta_1"] == pytest.approx(1e-6)
+    assert found.noise["x"] == pytest.approx(DEFAULTS.noise.resolution)
+    assert found.noise["theta_1"] == pytest.approx(DEFAULTS.noise.resolution / right.plant.winch_1.drum_radius)
     assert found.noise["F1"] == pytest.approx(10, rel=0.03)
 
 
