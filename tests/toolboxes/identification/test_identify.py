@@ -16,8 +16,8 @@ from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.identification.diagnostics import unidentifiable_directions
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.toolboxes.identification.identify import identify
-from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.log import Log
+from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.identification.resample import sections_of
 from dualwinch.toolboxes.identification.unknowns import (
     Prior,
