@@ -17,6 +17,9 @@ from dualwinch.toolboxes.identification.resample import resampled
 
 Floats = NDArray[np.float64]
 
+REACH = 4
+"""Reach of the Gaussian that smooths readings, over its deviation, as usual in SciPy."""
+
 
 @dataclass(frozen=True, eq=False)
 class SmoothedMotion:
@@ -83,7 +86,7 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     else:
         pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
         net = inputs[:, 1:3] @ pulls
-    half = math.ceil(options.search.reach * width)
+    half = math.ceil(REACH * width)
     if len(inputs) <= 2 * half:
         return None
     rows = slice(half, len(inputs) - half, max(1, int(width / 2)))
@@ -118,7 +121,7 @@ def begins_at_rest(log: Log, experiment: Experiment, options: EstimationOptions 
     if name is None:
         return False
     t, values = log.t - log.t[0], radius[name] * log.columns[name]
-    rows = (t < options.search.reach * options.vortices.smoothing) & np.isfinite(values)
+    rows = (t < REACH * options.vortices.smoothing) & np.isfinite(values)
     powers = np.vander(t[rows], 4, increasing=True)
     if len(powers) <= powers.shape[1]:
         return False
@@ -154,8 +157,8 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     q, _ = np.linalg.qr(motion.base)
     net = motion.net - q @ (q.T @ motion.net)
     top_speed, disturbance = float(np.max(np.abs(v))), experiment.disturbance
-    residuals, origins, at_first_row = list[float](), list[float](), np.inf
-    reach = options.search.reach * options.search.strouhal_share
+    deviances, at_first_row, origins = list[float](), list[float](), list[float]()
+    reach, count = options.search.reach * options.search.strouhal_share, motion.independent * len(net)
     shares = np.linspace(1 - reach, 1 + reach, search.strouhal_points)
     for share in shares.tolist():
         # phase per speed and time
@@ -168,16 +171,16 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
         drag = v * np.abs(v) * (1 - disturbance.vortex_amplitude * np.sin(turn * v * (t + before[:, np.newaxis])))
         drag = drag - (drag @ q) @ q.T
         squares = net @ net - (drag @ net) ** 2 / np.einsum("ij,ij->i", drag, drag)
-        best = int(np.argmin(squares))
-        residuals.append(float(squares[best]))
+        best, prior = int(np.argmin(squares)), ((share - 1) / options.search.strouhal_share) ** 2
+        both = _deviances(squares[[best, 0]], count, 1 + len(q.T)) + prior
+        deviances.append(float(both[0]))
+        at_first_row.append(float(both[1]))
         origins.append(float(before[best]))
-        at_first_row = min(at_first_row, float(squares[0]))
-    count, prior = motion.independent * len(net), ((shares - 1) / options.search.strouhal_share) ** 2
-    index = int(np.argmin(count * np.log(residuals) + prior))
-    if count * np.log(at_first_row / residuals[index]) < options.search.considerable:
+    index = int(np.argmin(deviances))
+    if min(at_first_row) - deviances[index] < options.search.considerable:
         return log
     integrated = _regression([motion], experiment, reach * disturbance.strouhal, options, integrated=True)
-    if integrated.deviance < count * np.log(residuals[index]):
+    if integrated.deviance < deviances[index]:
         return log
     origin = origins[index]
     note = f"{log.name}: begins under way; its vortices are those of a run that began {origin:.3g} s before"
@@ -195,28 +198,35 @@ class VortexRegression:
     Attributes:
         integrated: whether the phase is integrated.
         numbers: (n,) Strouhal numbers.
+        priors: (n,) squared distances from the described one, in prior deviations.
         largest_phase: largest phase in rad, over the Strouhal number.
         squares: (n,) residual sum of squares with each.
         ratios: (n,) amplitudes of the vortices, over the drag.
         described: residual sum of squares with the described Strouhal number, or without vortices if none are
             described.
         rows: number of independent rows of the regression.
-        extra_coefficients: their number, in addition to those for a phase that is not integrated.
+        coefficients: their number.
     """
 
     integrated: bool
     numbers: Floats
+    priors: Floats
     largest_phase: float
     squares: Floats
     ratios: Floats
     described: float
     rows: float
-    extra_coefficients: int
+    coefficients: int
 
     @property
     def deviance(self) -> float:
-        """Deviance of the best number, plus the fall that extra coefficients cause by chance."""
-        return self.rows * float(np.log(self.squares.min())) + self.extra_coefficients
+        """Deviance of the best number with its prior, without the fall that the coefficients cause by chance."""
+        return float(np.min(_deviances(self.squares, self.rows, self.coefficients) + self.priors))
+
+
+def _deviances(squares: Floats, rows: float, coefficients: int) -> Floats:
+    """Deviances of residuals of independent rows, with the unbiased estimates of their variances."""
+    return rows * np.log(squares / (rows - coefficients)) if rows > coefficients else np.full_like(squares, np.inf)
 
 
 def vortex_regression(
@@ -267,12 +277,13 @@ def _regression(
             np.sqrt(2 * np.mean((vortices(number) @ coefficients[3:] / drag) ** 2)) if integrated else -coefficients[3]
         )
         ratios[index] = size / coefficients[2] if coefficients[2] > 0 else 0.0
+    priors = ((numbers / disturbance.strouhal - 1) / options.search.strouhal_share) ** 2
     regressors = [drag]
     if disturbance.vortex and integrated == disturbance.integrated_phase:
         regressors.append(vortices(disturbance.strouhal))
     _, described = _least_squares(np.column_stack([base, *regressors]), net)
-    rows, extra_coefficients = motion.independent * len(net), len(ways.T) * (1 + integrated) - 1
-    return VortexRegression(integrated, numbers, largest_phase, squares, ratios, described, rows, extra_coefficients)
+    rows, coefficients = motion.independent * len(net), base.shape[1] + 1 + len(ways.T) * (1 + integrated)
+    return VortexRegression(integrated, numbers, priors, largest_phase, squares, ratios, described, rows, coefficients)
 
 
 def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:

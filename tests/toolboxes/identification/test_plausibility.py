@@ -127,7 +127,7 @@ def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, 
     Few steps and delays: searches for a machine that does not exist go on to their largest number.
     """
     nominal = machine(simulation__duration=duration)
-    few = replace(DEFAULTS, search=replace(DEFAULTS.search, max_steps=3, max_delay_samples=2))
+    few = replace(DEFAULTS, search=replace(DEFAULTS.search, max_iterations=12, max_delay_samples=2))
     with pytest.raises(ConfigurationError, match=WORDS):
         identify([logged(override(nominal, truth))], ["plant.vehicle.mass"], nominal, options=few)
 

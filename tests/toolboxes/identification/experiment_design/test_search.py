@@ -40,7 +40,11 @@ def test_what_is_expected_is_what_fits_come_to(designed: ExcitationDesign) -> No
     first log wider models are tried, and none is likelier; the others are fitted by the one described, which is
     quicker.
     """
-    perfect = replace(DEFAULTS, data_sheet=DataSheetOptions(**dict.fromkeys(vars(DEFAULTS.data_sheet), 0.0)))
+    perfect = replace(
+        DEFAULTS,
+        data_sheet=DataSheetOptions(**dict.fromkeys(vars(DEFAULTS.data_sheet), 0.0)),
+        noise=replace(DEFAULTS.noise, described_factor=1.0),  # the sea is as described, as the design takes it
+    )
     as_described = replace(perfect, search=replace(DEFAULTS.search, nuisance_share=0.0))
     right = leaves(designed.experiment)
     truth = np.array([right[key] for key in designed.keys])
