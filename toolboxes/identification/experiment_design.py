@@ -52,7 +52,7 @@ Floats = NDArray[np.float64]
 Criterion = Literal["D", "A"]
 
 Cost = tuple[float, float]
-"""Violation of limits, minus infinity for none, and criterion of a motion: the less the better, in this order."""
+"""Largest violation of a limit, minus infinity for none, and criterion: the lower, the better, in this order."""
 
 LARGEST_SEED = int(np.iinfo(np.uint32).max)
 """Largest seed of the search."""

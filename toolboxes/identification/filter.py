@@ -190,7 +190,7 @@ class LogFilters:
 
     def data(self, experiment: Experiment, noise: NoiseCovariances, section: LogSection) -> tuple[FilterData, Floats]:
         """A section with its initial state, and the covariance of the state."""
-        early = section.readings[: round(self._options.resampling.max_gap / experiment.simulation.sample_time)]
+        early = section.readings[: round(self._options.resampling.window / experiment.simulation.sample_time)]
         first = early[np.isfinite(early).argmax(axis=0), np.arange(early.shape[1])]
         start, covariance = initial_state(
             experiment,

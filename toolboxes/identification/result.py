@@ -239,7 +239,7 @@ class IdentificationResult(UncertainEstimates):
             )
         words += [*self.excess, *(each.words for each in self.unidentifiable)]
         correlation = self.correlation
-        words += [f"{key}: the logs add next to nothing to its prior" for key in self.uninformed]
+        words += [f"{key}: the logs say less on it than its prior" for key in self.uninformed]
         for row in range(len(self.keys)):
             for column in range(row):
                 if abs(correlation[row, column]) > self.options.diagnostics.correlated:
