@@ -222,7 +222,7 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
 
 
 def _is_of_size(ratio: float, options: PlausibilityOptions) -> bool:
-    """Whether a ratio of pulls by torque and by load cell is plausible, each of which may be off by the largest ratio."""
+    """Whether a ratio of pulls by torque and load cell is plausible: each may be off by the largest ratio."""
     return 1 / options.max_scale_ratio**2 < ratio < options.max_scale_ratio**2
 
 

@@ -25,7 +25,8 @@ class ResamplingOptions:
         0.05
     )
     window: Annotated[
-        quantities.Positive, Quantity("s", "time over which that speed, chatter, pulls and innovations are averaged")
+        quantities.Positive,
+        Quantity("s", "time for averages of speed, chatter, pulls and innovations, and for first readings"),
     ] = 0.5
     min_move_time: Annotated[quantities.Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
     between_rows: Annotated[
@@ -56,8 +57,8 @@ class NoiseOptions:
         quantities.Positive,
         Quantity(
             "m",
-            "least noise of position and drums, of speeds per second, and over the largest tension that of tensions, "
-            "unrecorded forces and torques, whose largest is its inverse times the least",
+            "least noise of position and drums, of speeds per second, and of tensions and unrecorded forces, which go up "
+            "to the largest tension, as a share of that",
         ),
     ] = 1e-6
     force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
