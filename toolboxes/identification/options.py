@@ -26,7 +26,7 @@ class ResamplingOptions:
     )
     window: Annotated[
         quantities.Positive,
-        Quantity("s", "time for averages of speed, chatter, pulls and innovations, and for first readings"),
+        Quantity("s", "time of averages of speed, chatter, pulls, innovations; of first readings"),
     ] = 0.5
     min_move_time: Annotated[quantities.Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
     between_rows: Annotated[
@@ -57,8 +57,8 @@ class NoiseOptions:
         quantities.Positive,
         Quantity(
             "m",
-            "least noise of position and drums, of speeds per second, and of tensions and unrecorded forces, which go up "
-            "to the largest tension, as a share of that",
+            "least noise of position and drums, of speeds per second, and of tensions and unrecorded forces, which go "
+            "up to the largest tension, as a share of that",
         ),
     ] = 1e-6
     force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
