@@ -34,6 +34,9 @@ WINDOW = slice(5000, 5400)
 START = slice(0, 160)
 """Samples of which some do not go in one step."""
 
+NOISE = replace(DEFAULTS.noise, resolution=1e-5)
+"""Noise above the round-off of the textbook's covariances, of which it takes differences."""
+
 
 def filters(
     experiment: Experiment = MACHINE, fitted: Sequence[str] = FITTED, window: slice = WINDOW
@@ -42,8 +45,8 @@ def filters(
     (section,) = sections_of([logged(MACHINE)], MACHINE)
     section = replace(section, inputs=section.inputs[window].copy(), readings=section.readings[window].copy())
     noise = NoiseCovariances(
-        initial_measurement_noise(section.readings, MACHINE, DEFAULTS.noise),
-        described_disturbances(MACHINE, DEFAULTS.noise),
+        initial_measurement_noise(section.readings, MACHINE, NOISE),
+        described_disturbances(MACHINE, NOISE),
         MACHINE.plant.vehicle,
     )
     return LogFilters(
