@@ -271,6 +271,24 @@ class VortexPhase(BuiltIn):
 
 
 @dataclass(frozen=True)
+class VortexAmplitude(BuiltIn):
+    """Vortices of quite another size."""
+
+    kind: ClassVar = "vortex-amplitude"
+    meaning: ClassVar = "vortices are much weaker or stronger than described"
+
+    def candidates(self, fit: FittedModel, screening: LogScreening) -> Iterator[LogModel]:  # noqa: ARG002
+        """One with a prior of the amplitude as wide as itself, if the estimate contradicts a narrower one."""
+        if AMPLITUDE not in {each.key for each in fit.model.nuisances} or self.kind in fit.model.kinds:
+            return
+        if not fit.contradicts(AMPLITUDE):
+            return
+        wide = replace(fit.model.options.search, amplitude_share=1.0)
+        nuisances = [each for each in nuisance_parameters((), fit.experiment, wide) if each.key == AMPLITUDE]
+        yield fit.model.extended(self.kind, fit.experiment, nuisances)
+
+
+@dataclass(frozen=True)
 class LoadCellLag(BuiltIn):
     """A first-order lag of both load cells."""
 
@@ -320,6 +338,7 @@ ALTERNATIVES: parts.Registry[Alternative] = parts.Registry(
     WinchesAndRopes,
     UndescribedSea,
     VortexPhase,
+    VortexAmplitude,
     LoadCellLag,
     StartUnderWay,
 )

@@ -151,6 +151,10 @@ class SearchOptions:
     strouhal_share: Annotated[
         quantities.Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")
     ] = 0.1
+    amplitude_share: Annotated[
+        quantities.Positive,
+        Quantity("1", "prior deviation of the vortices' amplitude, likewise, unless logs contradict that"),
+    ] = 0.05
     coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
     delay_significance: Annotated[
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")

@@ -228,8 +228,8 @@ def nuisance_parameters(
     """Nuisance parameters, with wide priors around the experiment's values, except `keys`.
 
     Inertia of the winches, friction of their drums, damping of the ropes, lag of load cells and, for vortices, their
-    Strouhal number and, unless it is a state, their amplitude. What hardly anyone knows, all but inertia and Strouhal
-    number, has a prior as wide as its value.
+    Strouhal number and, unless it is a state, their amplitude. Friction, damping and lag, which hardly anyone knows,
+    have priors as wide as their values.
     """
     values, described, parameters = leaves(experiment), description.describe_parts(experiment), list[UnknownParameter]()
     for key in estimable_keys(["*"], experiment) if options.nuisance_share else ():
@@ -240,8 +240,8 @@ def nuisance_parameters(
             key == AMPLITUDE and has_vortex_states(experiment)
         ):
             continue
-        shares = {STROUHAL: options.strouhal_share} | ({key: options.nuisance_share} if key.endswith("inertia") else {})
-        share = shares.get(key, 1.0)
+        shares = {STROUHAL: options.strouhal_share, AMPLITUDE: options.amplitude_share}
+        share = options.nuisance_share if key.endswith("inertia") else shares.get(key, 1.0)
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
         lowest = 0.0 if share == 1 and key != LOAD_CELL_LAG else value / reach
