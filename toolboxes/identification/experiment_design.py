@@ -149,10 +149,10 @@ def _move_time(way: float, limits: motions.MoveLimits) -> float:
 
 def _farthest(time: float, limits: motions.MoveLimits) -> float:
     """The largest distance in m in a time in s."""
-    least, most = 0.01, limits.speed * time
-    if most <= least or _move_time(least, limits) >= time:
+    shortest, bound = 0.01, limits.speed * time
+    if bound <= shortest or _move_time(shortest, limits) >= time:
         return 0.0
-    longest: Any = brentq(lambda way: _move_time(way, limits) - time, least, most)
+    longest: Any = brentq(lambda way: _move_time(way, limits) - time, shortest, bound)
     return float(longest)
 
 

@@ -49,9 +49,9 @@ variance added per sample, which a log determines best; and the time alone."""
 
 def min_noise(experiment: Experiment, options: NoiseOptions) -> Floats:
     """(readings,) least standard deviations of the sensors' noise, as neither sensors nor model are perfect."""
-    plant, least = experiment.plant, options.resolution
-    turns = {side.number: least / side.winch.drum_radius for side in plant.sides}
-    finest = {"x": least, "v": least} | dict.fromkeys(LOAD_CELLS, least * experiment.controller.limits.tension_max)
+    length, tension = options.resolution, options.resolution * experiment.controller.limits.tension_max
+    turns = {side.number: length / side.winch.drum_radius for side in experiment.plant.sides}
+    finest = {"x": length, "v": length} | dict.fromkeys(LOAD_CELLS, tension)
     finest |= {f"{name}_{number}": turn for number, turn in turns.items() for name in ("theta", "omega")}
     return np.array([finest[name] for name in READINGS])
 

@@ -189,15 +189,15 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
     """
     disturbance, vehicle, sensors = experiment.disturbance, experiment.plant.vehicle, experiment.sensors
     amplitude = disturbance.vortex_amplitude if has_vortex_states(experiment) else 0.0
-    least = options.resolution * experiment.controller.limits.tension_max
-    held = vars(physics.holding_torques(2 * least, experiment.plant))
-    torques = {name.replace("tau", "torque"): options.min_chatter or abs(float(each)) for name, each in held.items()}
+    smallest = options.resolution * experiment.controller.limits.tension_max
+    holding = vars(physics.holding_torques(2 * smallest, experiment.plant))
+    torques = {name.replace("tau", "torque"): options.min_chatter or abs(float(each)) for name, each in holding.items()}
     return {
         "current": GaussMarkov(disturbance.current_sigma, disturbance.current_time),
         "normal_force_variation": GaussMarkov(
             disturbance.normal_force_sigma * vehicle.normal_force, disturbance.normal_force_time
         ),
-        "force": GaussMarkov(least, options.force_time),
+        "force": GaussMarkov(smallest, options.force_time),
         **{name: GaussMarkov(torque, options.torque_time) for name, torque in torques.items()},
         "position_drift": GaussMarkov(sensors.position_drift, sensors.position_drift_time),
         VORTICES: GaussMarkov(amplitude, options.vortex_time),
