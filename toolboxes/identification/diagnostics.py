@@ -277,7 +277,7 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
     plant, strongest = experiment.plant, options.max_tension_ratio * experiment.controller.limits.tension_max
     length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
     margin, torques = options.max_excess * length, physics.holding_torques(2 * strongest, plant)
-    farthest, fastest = length + margin, length / 1.0  # the track in a second
+    farthest, fastest = length + margin, length  # in m/s: the track in a second
     return {
         "x": (-margin, farthest),
         "F1": (-strongest, strongest),

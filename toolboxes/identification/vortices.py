@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import norm
@@ -90,9 +91,12 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     if len(inputs) <= 2 * half:
         return None
     rows = slice(half, len(inputs) - half, max(1, int(width / 2)))
+    impulse = np.eye(1, 2 * half + 1, half)[0]
 
     def smooth(values: Floats, order: int = 0) -> Floats:
-        return gaussian_filter1d(values, width, order=order, radius=half)[rows] / step**order
+        """The Gaussian filter of SciPy at the rows alone, by its impulse response."""
+        response = gaussian_filter1d(impulse, width, order=order, radius=half, mode="constant")
+        return sliding_window_view(values, 2 * half + 1)[: -1 : rows.step] @ response[::-1] / step**order
 
     v = smooth(x, 1)
     moving = np.abs(v) > options.resampling.standstill_speed
@@ -151,8 +155,7 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
     if not motions or not motions[0].at_once or begins_at_rest(parts[0], experiment, options):
         return log
-    motion = joined(motions)
-    motion = motion.first(search.max_time_before)
+    motion = joined(motions).first(search.max_time_before)
     v, t = motion.v, motion.t - log.t[0]
     q, _ = np.linalg.qr(motion.base)
     net = motion.net - q @ (q.T @ motion.net)
