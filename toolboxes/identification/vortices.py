@@ -180,7 +180,7 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
         at_first_row.append(float(both[1]))
         origins.append(float(before[best]))
     index = int(np.argmin(deviances))
-    if min(at_first_row) - deviances[index] < options.search.considerable:
+    if not min(at_first_row) - deviances[index] >= options.search.considerable:  # or too few rows
         return log
     integrated = _regression([motion], experiment, reach * disturbance.strouhal, options, integrated=True)
     if integrated.deviance < deviances[index]:
@@ -223,13 +223,16 @@ class VortexRegression:
 
     @property
     def deviance(self) -> float:
-        """Deviance of the best number with its prior, without the fall that the coefficients cause by chance."""
+        """Deviance of the best number with its prior, without the fall that the coefficients cause by chance.
+
+        NaN, which is neither likelier nor less likely than any other, if there are too few rows.
+        """
         return float(np.min(_deviances(self.squares, self.rows, self.coefficients) + self.priors))
 
 
 def _deviances(squares: Floats, rows: float, coefficients: int) -> Floats:
-    """Deviances of residuals of independent rows, with the unbiased estimates of their variances."""
-    return rows * np.log(squares / (rows - coefficients)) if rows > coefficients else np.full_like(squares, np.inf)
+    """Deviances of residuals of independent rows, with the unbiased estimates of their variances; NaN: too few rows."""
+    return rows * np.log(squares / (rows - coefficients)) if rows > coefficients else np.full_like(squares, np.nan)
 
 
 def vortex_regression(

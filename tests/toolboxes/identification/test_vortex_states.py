@@ -78,6 +78,17 @@ def test_smoothed_readings_show_which_kind_of_phase_vortices_have(*, integrated:
     assert not integrated or not shows_other_vortices([log], light(), 0.04)
 
 
+@pytest.mark.parametrize("integrated", [True, False])
+def test_a_log_that_is_too_short_to_tell_contradicts_no_described_phase(*, integrated: bool) -> None:
+    """Seven seconds have fewer independent rows than an integrated phase has coefficients."""
+    log, described = logged(light()), light(**{"disturbance.integrated_phase": integrated})
+    short = log.rows((log.t >= 2.0) & (log.t < 9.0))
+    regression = vortices.vortex_regression([short], described, 0.04, integrated=True)
+    assert regression is not None
+    assert np.isnan(regression.deviance)
+    assert likelier_phase([short], described, 0.04) == integrated
+
+
 def test_searches_begin_at_the_strouhal_number_and_amplitude_that_smoothed_readings_show() -> None:
     log = logged(light(**{"disturbance.strouhal": 0.19, "disturbance.vortex_amplitude": 0.3}))
     (strouhal, amplitude), *_ = vortex_starts([log], light(), 0.04)
